@@ -76,7 +76,8 @@ singletons:
 ";
 
 fn parameters(text: &str, faults: FaultKind) -> CampaignParameters {
-    let scenario = Scenario::from_yaml(text).unwrap();
+    let text = format!("{text}\nplanner: {{motion: paths}}");
+    let scenario = Scenario::from_yaml(&text).unwrap();
     CampaignParameters {
         faults,
         problem: Some(Arc::new(scenario.problem().clone())),
@@ -95,7 +96,11 @@ fn spots_off_the_lattice_are_taken_without_contact() {
 #[test]
 fn stops_on_exits_lead_to_no_contact() {
     for text in [HEXAGON, GAP, TURNED] {
-        run_seeds(&parameters(text, FaultKind::Stops), 0..SEEDS, |report| {
+        let parameters = CampaignParameters {
+            transcripts: true,
+            ..parameters(text, FaultKind::Stops)
+        };
+        run_seeds(&parameters, 0..SEEDS, |report| {
             let seed = report.seed;
             assert!(
                 report.violations.is_empty(),

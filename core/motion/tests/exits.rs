@@ -311,3 +311,56 @@ fn missing_waits_are_found_off_the_lattice() {
     let met = contact(&motion, planned.problem.target(), 10, &mut numbers);
     assert!(met.is_some());
 }
+
+/// Spots at random places and headings, a quarter of them on the lattice, on which bodies do not overlap.
+fn scattered(count: usize, is_round: bool, numbers: &mut Numbers) -> Vec<(f64, f64, f64)> {
+    let reach = |heading: f64| {
+        if is_round || heading == 0.0 {
+            0.48
+        } else {
+            0.65
+        }
+    };
+    let mut spots: Vec<(f64, f64, f64)> = Vec::new();
+    while spots.len() < count {
+        let mut drawn =
+            |below: u32| f64::from(u32::try_from(numbers.below(below as usize)).unwrap()) / 1_000.0;
+        let (mut x, mut y, mut heading) = (drawn(9_000), drawn(9_000), drawn(6_283) - 3.141);
+        if numbers.chance(25) {
+            (x, y, heading) = (x.round(), y.round(), 0.0);
+        }
+        // The corners of squares along the axes are farther than their sides.
+        let corner = if is_round { 1.0 } else { 1.5 };
+        let is_apart = |other: &(f64, f64, f64)| {
+            (other.0 - x).hypot(other.1 - y) > corner * (reach(heading) + reach(other.2))
+        };
+        if spots.iter().all(is_apart) {
+            spots.push((x, y, heading));
+        }
+    }
+    spots
+}
+
+#[test]
+fn scattered_spots_are_taken_without_contact() {
+    let mut numbers = Numbers(44);
+    let (mut formed_ones, mut refused) = (0, Vec::new());
+    for round in 0..60 {
+        let is_round = round % 2 == 0;
+        let spots = scattered(4 + numbers.below(7), is_round, &mut numbers);
+        let more = if is_round { "body: circle" } else { "" };
+        // All joined, as who docks to whom does not matter here.
+        let text = scenario(&spots, 30.0, more);
+        match planned(&text).motion {
+            PlannedMotion::Paths(_) => {
+                formed(&text);
+                formed_ones += 1;
+            }
+            motion => refused.push((text, motion)),
+        }
+    }
+    for (text, motion) in refused.iter().take(2) {
+        eprintln!("{motion:?}\n{text}");
+    }
+    assert_eq!((formed_ones, refused.len()), (60, 0));
+}

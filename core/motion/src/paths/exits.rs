@@ -448,7 +448,7 @@ impl ExitSearch<'_> {
         let others = swept.iter().flat_map(|&cell| &holders[cell]);
         let after: BTreeSet<usize> = others
             .copied()
-            .filter(|&other| other != unit && !self.units[other].pinned)
+            .filter(|&other| other != unit && !self.units[other].stays)
             .collect();
         let rest = self.on_lattice.cells_at_rest(&self.units[unit]);
         Exit {

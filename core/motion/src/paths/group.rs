@@ -91,7 +91,7 @@ pub(super) struct Group {
     measured: Vec<Point>,
     /// If they regroup: what the body of each module sweeps.
     pub ways: Vec<Shape>,
-    /// What a pinned module covers off the lattice.
+    /// What a module that stays covers off the lattice.
     pub at_rest: Option<Shape>,
 }
 
@@ -227,9 +227,27 @@ impl Group {
         }
     }
 
+    /// The group turns by an angle when it has regrouped.
+    pub fn turning(self, turn: i64, radius: i64) -> Self {
+        Self {
+            turn,
+            radius,
+            ..self
+        }
+    }
+
     /// Whether its modules have to come into line with each other in their first step.
     pub fn is_askew(&self) -> bool {
         !self.measured.is_empty()
+    }
+
+    /// The heading of a module after a phase.
+    pub fn heading_after(&self, theta: i64, phase: Phase) -> i64 {
+        if phase == Phase::Regroup && self.turn != 0 {
+            theta
+        } else {
+            self.heading(theta)
+        }
     }
 
     /// The heading of a module after the turn.

@@ -6,7 +6,7 @@ use super::exits::rigid_cells;
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time};
 use super::rectangle::{Rectangle, bounds, overlap};
-use super::resting::{Form, RestingBodies, cells_under};
+use super::resting::{Form, Rest, RestingBodies, cells_under};
 use super::result::{MotionError, MotionRequest, StartFault};
 use super::schedule::NO_UNIT;
 use super::shape::Shape;
@@ -48,6 +48,8 @@ pub(super) struct LatticeRequest<'a> {
     pub spots: Vec<Site>,
     /// How bodies rest on the spots.
     pub resting: RestingBodies,
+    /// Which modules stand on their spots off the lattice and are not pinned.
+    stands: Vec<bool>,
     /// The spot of each module, by positions.
     pub spot_of: Vec<Option<usize>>,
     pub groups: Vec<Group>,
@@ -101,9 +103,14 @@ impl<'a> LatticeRequest<'a> {
                 .map(|&module| pose_of(module).filter(|_| is_unit))
                 .collect()
         };
+        let stands = resting.standing(problem, &spot_of);
         let tolerance = request.parameters.tolerance;
         let is_open = |rectangle: &Rectangle| request.is_open(rectangle);
-        let groups = align(problem, &lattice, &resting, tolerance, whole, is_open);
+        let rest = Rest {
+            bodies: &resting,
+            stands: &stands,
+        };
+        let groups = align(problem, &lattice, &rest, tolerance, whole, is_open);
         let groups = groups.map_err(MotionError::Starts)?;
         let mut group_of = vec![0; problem.modules().len()];
         let mut starts = vec![(0, 0); problem.modules().len()];
@@ -128,6 +135,7 @@ impl<'a> LatticeRequest<'a> {
             lattice,
             spots,
             resting,
+            stands,
             spot_of,
             groups,
             group_of,
@@ -154,7 +162,8 @@ impl<'a> LatticeRequest<'a> {
             let is_open = |shape: Shape| self.request.is_open(&shape.bounds());
             let reaches = !swept.into_iter().all(is_open);
             for &module in &group.modules {
-                if reaches || self.is_closed(self.starts[module]) {
+                let stays = group.at_rest.is_some();
+                if !stays && (reaches || self.is_closed(self.starts[module])) {
                     covered.insert(problem.modules()[module].id);
                 }
             }
@@ -229,7 +238,7 @@ impl<'a> LatticeRequest<'a> {
 
     /// Whether an exit leads a unit to its spots.
     pub fn exits(&self, unit: &Unit) -> bool {
-        !unit.pinned && self.spots_of(unit).any(|spot| self.resting.is_off[spot])
+        !unit.stays && self.spots_of(unit).any(|spot| self.resting.is_off[spot])
     }
 
     /// When a step into each cell may begin.
@@ -268,7 +277,7 @@ impl<'a> LatticeRequest<'a> {
         partition.sort_unstable();
         let units = partition.into_iter().map(|modules| self.unit(modules));
         let mut units: Vec<Unit> = units.collect();
-        self.rest_pinned(&mut units);
+        self.rest_staying(&mut units);
         let mut unit_at = vec![NO_UNIT; self.spots.len()];
         for (index, unit) in units.iter().enumerate() {
             for spot in self.spots_of(unit) {
@@ -299,11 +308,10 @@ impl<'a> LatticeRequest<'a> {
         }
     }
 
-    /// Pinned units off the lattice hold all cells that they reach into; one that two reach into is held by the first.
-    fn rest_pinned(&self, units: &mut [Unit]) {
+    /// Units that stay off the lattice hold all cells that they reach into; one that two reach into is held by the first.
+    fn rest_staying(&self, units: &mut [Unit]) {
         let mut held = BTreeSet::new();
-        let is_pinned = |unit: &&mut Unit| unit.pinned;
-        for unit in units.iter_mut().filter(is_pinned) {
+        for unit in units.iter_mut().filter(|unit| unit.stays) {
             let cells = self.cells_at_rest(unit);
             if self.spots_of(unit).any(|spot| self.resting.is_off[spot]) {
                 let own: Vec<usize> = cells
@@ -323,8 +331,9 @@ impl<'a> LatticeRequest<'a> {
             modules.iter().map(|&module| self.spot_of[module]).collect();
         let spots = spots.unwrap_or_default();
         let is_off = spots.iter().any(|&spot| self.resting.is_off[spot]);
+        let stands = modules.iter().all(|&module| self.stands[module]);
         let goals = match is_off {
-            _ if spots.is_empty() => None,
+            _ if spots.is_empty() || stands => None,
             true => self.cells_before_exit(&spots),
             false => Some(spots.iter().map(|&spot| self.spots[spot]).collect()),
         };
@@ -340,6 +349,10 @@ impl<'a> LatticeRequest<'a> {
         }
         unit.ready = self.groups[self.group_of[first]].ready();
         unit.pinned = self.request.problem.modules()[first].pin.is_some();
+        unit.stays = unit.pinned || stands;
+        if stands {
+            unit.goal = Some(unit.start);
+        }
         unit
     }
 

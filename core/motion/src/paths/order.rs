@@ -46,7 +46,7 @@ impl Formation<'_> {
     /// acting order goes first.
     pub fn filling_order(&self) -> Result<Filling, Stuck> {
         let mut waiting: Vec<usize> = (0..self.units.len())
-            .filter(|&unit| self.ranks[unit].is_some() && !self.units[unit].pinned)
+            .filter(|&unit| self.ranks[unit].is_some() && !self.units[unit].stays)
             .collect();
         waiting.sort_unstable_by_key(|&unit| (Reverse(self.ranks[unit]), unit));
         let mut rest = Rest::new(self);
@@ -73,7 +73,7 @@ impl Formation<'_> {
     }
 
     fn goal_cells(&self, unit: usize) -> Vec<usize> {
-        if self.exits(unit) || self.units[unit].pinned {
+        if self.exits(unit) || self.units[unit].stays {
             return self.on_lattice.cells_at_rest(&self.units[unit]);
         }
         let goal = self.units[unit].goal;
@@ -175,18 +175,43 @@ impl<'a> Rest<'a> {
             on_lattice: formation.on_lattice,
             units: formation.units,
         };
-        let holders = std::mem::take(&mut self.holders);
         let region = region.map(|cell| self.regions.of(cell));
-        let exit = search.find(unit, &holders, |cell| {
-            let joins = self.regions.taken[cell]
-                || region.is_none_or(|region| self.regions.of(cell) == region);
-            let node = body.last_on_lattice() * arena.area() + cell;
-            joins && (!body.is_block() || self.finds_way_out(unit, node))
+        let exit = self.without(unit, |rest| {
+            let holders = std::mem::take(&mut rest.holders);
+            let exit = search.find(unit, &holders, |cell| {
+                let node = body.last_on_lattice() * arena.area() + cell;
+                if body.is_block() {
+                    return rest.finds_way_out(unit, node);
+                }
+                region.is_none_or(|region| rest.leads_to(region, cell, unit, &holders))
+            });
+            rest.holders = holders;
+            exit
         });
-        self.holders = holders;
         self.is_shut_in[unit] = exit.is_none();
         self.exits[unit] = exit;
         self.exits[unit].is_some()
+    }
+
+    /// Whether a way connects a cell with a region, at most past cells that one unit alone takes.
+    fn leads_to(&self, region: usize, cell: usize, unit: usize, holders: &[Vec<usize>]) -> bool {
+        let arena = self.formation.arena;
+        let is_own = |cell: usize| holders[cell].contains(&unit);
+        if !is_own(cell) {
+            return !self.regions.taken[cell] && self.regions.of(cell) == region;
+        }
+        let next = arena
+            .neighbours(cell)
+            .filter(|&next| !self.regions.taken[next]);
+        let beyond = next.flat_map(|next| {
+            arena
+                .neighbours(next)
+                .filter(move |_| is_own(next))
+                .chain([next])
+        });
+        beyond.into_iter().any(|next| {
+            !self.regions.taken[next] && !is_own(next) && self.regions.of(next) == region
+        })
     }
 
     fn next_to_largest(&self, waiting: &[usize]) -> Option<usize> {

@@ -76,14 +76,14 @@ impl Draft<'_> {
         let schedule = &self.solution.schedule;
         let arena = &self.on_lattice.arena;
         let mut solid = arena.closed.clone();
-        for unit in schedule.units.iter().filter(|unit| unit.pinned) {
+        for unit in schedule.units.iter().filter(|unit| unit.stays) {
             for cell in unit.cells(arena, unit.start) {
                 solid[cell] = true;
             }
         }
         let mut routes = Routes::new(node_count(schedule.units, arena));
         let mut steps = |unit: &Unit| {
-            let goal = unit.goal.filter(|_| !unit.pinned)?;
+            let goal = unit.goal.filter(|_| !unit.stays)?;
             let errand = Errand {
                 arena,
                 unit,
@@ -166,7 +166,10 @@ impl Draft<'_> {
             time: 0,
         }];
         waypoints.extend(group.steps.iter().map(|step| Waypoint {
-            pose: pose(group.position_after(in_group, step.phase), heading),
+            pose: pose(
+                group.position_after(in_group, step.phase),
+                group.heading_after(start.theta.0, step.phase),
+            ),
             time: step.begin + 1,
         }));
         waypoints.extend(schedule.paths[unit].iter().map(|entry| Waypoint {

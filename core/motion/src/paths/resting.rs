@@ -4,8 +4,8 @@ use super::lattice::{Arena, Lattice, Site, point};
 use super::rectangle::HALF;
 use super::result::MotionError;
 use super::shape::Shape;
-use formation_model::turning::{Point, off_quarter};
-use formation_model::{MicroUnits, Pose, Target};
+use formation_model::turning::{Point, off_quarter, shortest};
+use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose, Target};
 
 /// What bodies look like from above.
 #[derive(Clone, Copy, Debug)]
@@ -119,6 +119,34 @@ impl RestingBodies {
         Ok(Self { form, is_off, half })
     }
 
+    /// Which modules that are not pinned stand on their spots off the lattice, with all that are docked to them.
+    pub fn standing(&self, problem: &PlanningProblem, spot_of: &[Option<usize>]) -> Vec<bool> {
+        let spots = problem.target().spots();
+        let slack = slack(problem, self.form.tolerance);
+        let modules = problem.modules().iter().zip(spot_of);
+        let mut stands: Vec<bool> = modules
+            .map(|(module, &spot)| {
+                spot.is_some_and(|spot| {
+                    let (goal, pose) = (&spots[spot].pose, &module.pose);
+                    self.is_off[spot]
+                        && module.pin.is_none()
+                        && goal.distance_to(pose).0 <= slack
+                        && shortest(goal.theta.0 - pose.theta.0).abs() <= slack
+                })
+            })
+            .collect();
+        for configuration in problem.configurations() {
+            let members = configuration.modules.iter();
+            let members: Vec<usize> = members.filter_map(|&id| problem.position_of(id)).collect();
+            if !members.iter().all(|&member| stands[member]) {
+                for member in members {
+                    stands[member] = false;
+                }
+            }
+        }
+        stands
+    }
+
     /// What a body on a spot covers.
     pub fn at(&self, target: &Target, spot: usize) -> Shape {
         let pose = &target.spots()[spot].pose;
@@ -149,4 +177,17 @@ fn near_pairs(target: &Target) -> Vec<(usize, usize)> {
     }
     pairs.sort_unstable();
     pairs
+}
+
+/// How far cells of bodies that count as apart may overlap, as poses are measured: a third of what bodies leave of a cell.
+pub(super) fn slack(problem: &PlanningProblem, tolerance: i64) -> i64 {
+    let body_width = problem.target().surroundings().body_width().0;
+    ((MICRO_PER_UNIT - body_width) / 3).max(tolerance)
+}
+
+/// The bodies on spots, and which modules stand there and are not pinned.
+#[derive(Clone, Copy)]
+pub(super) struct Rest<'a> {
+    pub bodies: &'a RestingBodies,
+    pub stands: &'a [bool],
 }

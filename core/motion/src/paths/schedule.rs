@@ -83,7 +83,7 @@ impl<'a> Schedule<'a> {
                 };
                 schedule.table.hold(cell, visit);
             }
-            if unit.pinned {
+            if unit.stays {
                 schedule.settle(index);
             }
         }

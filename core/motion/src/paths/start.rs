@@ -15,11 +15,11 @@ use super::group::{Alignment, Exactness, Group, Phase};
 use super::lattice::{Lattice, point};
 use super::rectangle::{Rectangle, overlap, square};
 use super::regroup::RegroupingGround;
-use super::resting::RestingBodies;
+use super::resting::{Rest, slack};
 use super::result::StartFault;
 use super::shape::Shape;
 use formation_model::turning::Point;
-use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
+use formation_model::{MicroUnits, PlanningProblem, Pose};
 
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
@@ -29,13 +29,12 @@ use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 pub(super) fn align(
     problem: &PlanningProblem,
     lattice: &Lattice,
-    resting: &RestingBodies,
+    resting: &Rest,
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
 ) -> Result<Vec<Group>, Vec<StartFault>> {
-    let body_width = problem.target().surroundings().body_width().0;
-    let slack = ((MICRO_PER_UNIT - body_width) / 3).max(tolerance.0);
+    let slack = slack(problem, tolerance.0);
     let exactness = Exactness {
         tolerance: tolerance.0,
         slack,
@@ -46,6 +45,9 @@ pub(super) fn align(
     for group in &mut groups {
         if !group.ways.is_empty() {
             group.steps = vec![Alignment::at_once(Phase::Regroup)];
+            if group.turn != 0 {
+                group.steps.push(Alignment::at_once(Phase::Turn));
+            }
             continue;
         }
         let moves = [
@@ -78,7 +80,7 @@ pub(super) fn align(
 /// The groups, and what keeps modules from being in one.
 fn groups_of(
     problem: &PlanningProblem,
-    (lattice, resting): (&Lattice, &RestingBodies),
+    (lattice, resting): (&Lattice, &Rest),
     exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
@@ -93,15 +95,22 @@ fn groups_of(
         for &module in &modules {
             is_grouped[module] = true;
         }
-        bodies.push(modules);
+        if modules.iter().any(|&module| !resting.stands[module]) {
+            bodies.push(modules);
+        }
     }
     for (module, member) in problem.modules().iter().enumerate() {
-        if let Some(spot) = member.pin.and_then(|pin| problem.target().spot(pin)) {
+        if resting.stands[module] {
+            let site = lattice.site(point(&member.pose));
+            let mut group = Group::standing(module, site, lattice);
+            group.at_rest = Some(resting.bodies.form.cell_at(&member.pose));
+            groups.push(group);
+        } else if let Some(spot) = member.pin.and_then(|pin| problem.target().spot(pin)) {
             let site = lattice.site(point(&spot.pose));
             let mut group = Group::standing(module, site, lattice);
             let spot = problem.target().position_of(spot.id);
-            let off = spot.filter(|&spot| resting.is_off[spot]);
-            group.at_rest = off.map(|spot| resting.cell_at(problem.target(), spot));
+            let off = spot.filter(|&spot| resting.bodies.is_off[spot]);
+            group.at_rest = off.map(|spot| resting.bodies.cell_at(problem.target(), spot));
             groups.push(group);
         } else if !is_grouped[module] {
             bodies.push(vec![module]);
@@ -132,7 +141,12 @@ fn groups_of(
     let cramped = cramped.into_iter().map(|(group, _)| group);
     loose.extend(cramped.map(|group| (group.modules.clone(), Some(group))));
     let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
-    let mut ground = RegroupingGround::new(problem, lattice, exactness.slack, is_open);
+    let mut ground = RegroupingGround::new(
+        problem,
+        (lattice, resting.bodies.form),
+        exactness.slack,
+        is_open,
+    );
     for group in &groups {
         ground.take(group);
     }

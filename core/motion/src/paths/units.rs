@@ -90,6 +90,8 @@ pub(super) struct Unit {
     /// When it is on the lattice.
     pub ready: Time,
     pub pinned: bool,
+    /// Whether it never moves: it is pinned, or stands on its spots off the lattice already.
+    pub stays: bool,
     /// Its way off the lattice, if its spots lie there.
     pub exit: Option<Exit>,
 }
@@ -124,6 +126,7 @@ impl Unit {
             modules,
             ready: 0,
             pinned: false,
+            stays: false,
             exit: None,
         };
         if let Some(goals) = goals {
@@ -154,7 +157,7 @@ impl Unit {
         self.modules.len() == 1 && self.layouts.len() == 1
     }
 
-    /// A pinned unit rests off the lattice and holds these cells.
+    /// A unit that stays rests off the lattice and holds these cells.
     pub fn rest_on(&mut self, cells: &[usize], arena: &Arena) {
         let (_, middle) = split(arena, self.start);
         self.layouts = vec![Layout::exit(cells, middle)];
