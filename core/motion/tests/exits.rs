@@ -226,17 +226,20 @@ fn docked_row(first: u32, count: u32, (x, y): (f64, f64), heading: f64) -> Strin
 #[test]
 fn configurations_leave_the_lattice_as_one_body() {
     let turned = 20.0_f64.to_radians();
-    let rows = docked_row(1, 3, (12.0, 0.0), 0.0) + &docked_row(4, 3, (12.0, 5.0), 0.7);
+    let row = docked_row(1, 3, (12.0, 0.0), 0.0);
+    for heading in [0.0, turned, 1.2, 2.9] {
+        let spots = block(3, 1, (0.0, 0.0), heading);
+        let motion = formed(&scenario(&spots, 1.1, &format!("configurations:\n{row}")));
+        assert!(motion.taken_apart.is_empty(), "{:?}", motion.taken_apart);
+    }
+    let rows = row + &docked_row(4, 3, (12.0, 5.0), 0.7);
     let more = format!("configurations:\n{rows}");
-    let parts = [block(3, 1, (0.0, 0.0), 0.0), block(3, 1, (0.4, 1.0), 0.0)].concat();
-    let motion = formed(&scenario(&parts, 1.2, &more));
-    assert!(motion.taken_apart.is_empty(), "{:?}", motion.taken_apart);
-    let parts = [
+    let spots = [
         block(3, 1, (0.0, 0.0), 0.0),
-        block(3, 1, (0.3, 1.3), turned),
+        block(3, 1, (3.4, 0.1), turned),
     ]
     .concat();
-    let motion = formed(&scenario(&parts, 1.7, &more));
+    let motion = formed(&scenario(&spots, 1.5, &more));
     assert!(motion.taken_apart.is_empty(), "{:?}", motion.taken_apart);
     // A row bends into a part of a hexagon, and the rest fill up.
     formed(&scenario(
