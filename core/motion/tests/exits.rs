@@ -367,3 +367,15 @@ fn scattered_spots_are_taken_without_contact() {
     }
     assert_eq!((formed_ones, refused.len()), (60, 0));
 }
+
+/// A round module turns in a lane in which a square one has no room to.
+#[test]
+fn round_modules_turn_within_their_cells() {
+    let lane = "
+arena: {x: 4, y: 0, width: 9, height: 1}
+target: {spots: [{id: 1, x: 0, y: 0, theta: 1.5707963}], edges: []}
+singletons: [{id: 1, x: 6, y: 0}]
+";
+    assert!(matches!(planned(lane).motion, PlannedMotion::Refused(_)));
+    formed(&format!("body: circle\n{lane}"));
+}

@@ -341,6 +341,9 @@ impl<'a> LatticeRequest<'a> {
         let turns = modules.iter().any(|&module| self.turns(module));
         let turns = turns && !(is_off && modules.len() == 1);
         let mut unit = Unit::new(modules, &starts, goals.as_deref(), turns, &self.arena);
+        if self.resting.form.is_round {
+            unit.turn_within_cell(&self.arena);
+        }
         if is_off && unit.goal.is_none() {
             // It folds on its exit.
             let (_, middle) = split(&self.arena, unit.start);

@@ -136,8 +136,26 @@ impl<'a> Rest<'a> {
                 self.regions.free(cell);
             }
         }
-        if self.exits[unit].is_some() {
-            self.is_shut_in.fill(false);
+        self.open_near(unit);
+    }
+
+    /// Units that had no exit may have one once a unit near them has gone.
+    fn open_near(&mut self, unit: usize) {
+        const NEAR: i64 = 8;
+        let arena = self.formation.arena;
+        let sites = |unit: usize| -> Vec<Site> {
+            let cells = self.formation.goal_cells(unit);
+            cells.into_iter().map(|cell| arena.site(cell)).collect()
+        };
+        let gone = sites(unit);
+        for other in 0..self.is_shut_in.len() {
+            let is_near = |one: &Site| {
+                let mut gone = gone.iter();
+                gone.any(|it| (it.0 - one.0).abs().max((it.1 - one.1).abs()) <= NEAR)
+            };
+            if self.is_shut_in[other] && sites(other).iter().any(is_near) {
+                self.is_shut_in[other] = false;
+            }
         }
     }
 
@@ -145,7 +163,12 @@ impl<'a> Rest<'a> {
     /// the single module that gets out to the largest region.
     fn next(&mut self, waiting: &[usize]) -> Option<usize> {
         let units = self.formation.units;
-        let gets_out = waiting.iter().position(|&unit| self.gets_out(unit));
+        let mut gets_out = waiting.iter().position(|&unit| self.gets_out(unit));
+        if gets_out.is_none() && self.is_shut_in.contains(&true) {
+            // One far away may have closed the way.
+            self.is_shut_in.fill(false);
+            gets_out = waiting.iter().position(|&unit| self.gets_out(unit));
+        }
         let exits = |unit: usize| self.formation.exits(unit);
         let exits: Vec<bool> = waiting.iter().map(|&unit| exits(unit)).collect();
         let by_route = |rest: &mut Self| {

@@ -13,7 +13,7 @@
 
 use super::group::{Alignment, Exactness, Group, Phase};
 use super::lattice::{Lattice, point};
-use super::rectangle::{Rectangle, overlap, square};
+use super::rectangle::{HALF, Rectangle, overlap, square};
 use super::regroup::RegroupingGround;
 use super::resting::{Rest, slack};
 use super::result::StartFault;
@@ -99,23 +99,14 @@ fn groups_of(
             bodies.push(modules);
         }
     }
-    for (module, member) in problem.modules().iter().enumerate() {
-        if resting.stands[module] {
-            let site = lattice.site(point(&member.pose));
-            let mut group = Group::standing(module, site, lattice);
-            group.at_rest = Some(resting.bodies.form.cell_at(&member.pose));
-            groups.push(group);
-        } else if let Some(spot) = member.pin.and_then(|pin| problem.target().spot(pin)) {
-            let site = lattice.site(point(&spot.pose));
-            let mut group = Group::standing(module, site, lattice);
-            let spot = problem.target().position_of(spot.id);
-            let off = spot.filter(|&spot| resting.bodies.is_off[spot]);
-            group.at_rest = off.map(|spot| resting.bodies.cell_at(problem.target(), spot));
+    for module in 0..problem.modules().len() {
+        if let Some(group) = staying(problem, lattice, resting, module) {
             groups.push(group);
         } else if !is_grouped[module] {
             bodies.push(vec![module]);
         }
     }
+    let is_round = resting.bodies.form.is_round;
     let mut loose = Vec::new();
     for modules in bodies {
         let spots = spots_of(&modules);
@@ -126,13 +117,18 @@ fn groups_of(
             lattice,
             exactness,
         ) {
-            Some(group) => groups.push(group),
+            Some(mut group) => {
+                if is_round && group.modules.len() == 1 {
+                    group.radius = HALF;
+                }
+                groups.push(group);
+            }
             None => loose.push((modules, None)),
         }
     }
     let cramped: Vec<bool> = groups
         .iter()
-        .map(|group| is_cramped(problem, group, &groups, exactness.slack))
+        .map(|group| is_cramped(problem, group, &groups, is_round, exactness.slack))
         .collect();
     let (cramped, rest): (Vec<_>, Vec<_>) = groups
         .into_iter()
@@ -167,9 +163,36 @@ fn groups_of(
     (groups, faults)
 }
 
-/// Whether a body lacks the room to come onto the lattice, as one next to a body that rests off it may, or into line, as one
-/// whose members were halted at different moments may.
-fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack: i64) -> bool {
+/// A module that stays where it is: it is pinned, or stands on its spot off the lattice.
+fn staying(
+    problem: &PlanningProblem,
+    lattice: &Lattice,
+    resting: &Rest,
+    module: usize,
+) -> Option<Group> {
+    let member = &problem.modules()[module];
+    if resting.stands[module] {
+        let mut group = Group::standing(module, lattice.site(point(&member.pose)), lattice);
+        group.at_rest = Some(resting.bodies.form.cell_at(&member.pose));
+        return Some(group);
+    }
+    let spot = problem.target().position_of(member.pin?)?;
+    let pose = &problem.target().spots()[spot].pose;
+    let mut group = Group::standing(module, lattice.site(point(pose)), lattice);
+    let is_off = resting.bodies.is_off[spot];
+    group.at_rest = is_off.then(|| resting.bodies.cell_at(problem.target(), spot));
+    Some(group)
+}
+
+/// Whether a body lacks the room to come onto the lattice, as one next to a body that rests off it and a round one may, or into
+/// line, as one whose members were halted at different moments may.
+fn is_cramped(
+    problem: &PlanningProblem,
+    group: &Group,
+    groups: &[Group],
+    is_round: bool,
+    slack: i64,
+) -> bool {
     if group.at_rest.is_some() {
         return false;
     }
@@ -177,7 +200,7 @@ fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack:
     let near = groups.iter().filter(|other| {
         other.modules != group.modules && overlap(&around, &other.surroundings(), 0)
     });
-    near.filter(|other| group.is_askew() || other.at_rest.is_some())
+    near.filter(|other| is_round || group.is_askew() || other.at_rest.is_some())
         .any(|other| not_apart(problem, group, other, slack).is_some())
 }
 

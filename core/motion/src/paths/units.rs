@@ -157,6 +157,16 @@ impl Unit {
         self.modules.len() == 1 && self.layouts.len() == 1
     }
 
+    /// A single round module turns within its own cell.
+    pub fn turn_within_cell(&mut self, arena: &Arena) {
+        if let [_, disc, _] = &mut self.layouts[..]
+            && self.modules.len() == 1
+        {
+            *disc = Layout::new(Stage::Disc, Vec::new(), &[(0, 0)], arena);
+            self.disc = 1;
+        }
+    }
+
     /// A unit that stays rests off the lattice and holds these cells.
     pub fn rest_on(&mut self, cells: &[usize], arena: &Arena) {
         let (_, middle) = split(arena, self.start);
