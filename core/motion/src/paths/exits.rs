@@ -162,7 +162,7 @@ impl ExitSearch<'_> {
             if !is_block && !leads_on(cell) {
                 continue;
             }
-            let found = self.from_cell(unit, &course, cell, holders);
+            let found = self.exit_from(unit, &course, cell, holders);
             if let Some(exit) = found
                 && (!is_block || leads_on(cell))
             {
@@ -236,7 +236,7 @@ impl ExitSearch<'_> {
         self.on_lattice.resting.form.tolerance
     }
 
-    fn from_cell(
+    fn exit_from(
         &self,
         unit: usize,
         course: &Course,

@@ -99,10 +99,10 @@ fn groups_of(
             bodies.push(modules);
         }
     }
-    for module in 0..problem.modules().len() {
+    for (module, is_grouped) in is_grouped.into_iter().enumerate() {
         if let Some(group) = staying(problem, lattice, resting, module) {
             groups.push(group);
-        } else if !is_grouped[module] {
+        } else if !is_grouped {
             bodies.push(vec![module]);
         }
     }
