@@ -121,13 +121,7 @@ fn block(width: u32, height: u32, (x, y): (f64, f64), turned: f64) -> Vec<(f64, 
 #[test]
 fn round_modules_form_hexagons() {
     for radius in 1..=3 {
-        let motion = formed(&scenario(&hexagon(radius), 1.1, "body: circle"));
-        eprintln!(
-            "{} spots: {} of {}",
-            hexagon(radius).len(),
-            motion.makespan,
-            motion.bound
-        );
+        formed(&scenario(&hexagon(radius), 1.1, "body: circle"));
     }
 }
 
@@ -138,8 +132,7 @@ fn rows_offset_by_half_are_laid_like_bricks() {
             .flat_map(|row| (0..5).map(move |column| (row, f64::from(column))))
             .map(|(row, column)| (column + offset * f64::from(row % 2), f64::from(row), 0.0))
             .collect();
-        let motion = formed(&scenario(&spots, 1.2, ""));
-        eprintln!("{} of {}", motion.makespan, motion.bound);
+        formed(&scenario(&spots, 1.2, ""));
     }
 }
 
@@ -328,7 +321,7 @@ fn scattered(count: usize, is_round: bool, numbers: &mut Numbers) -> Vec<(f64, f
     while spots.len() < count {
         let mut drawn =
             |below: u32| f64::from(u32::try_from(numbers.below(below as usize)).unwrap()) / 1_000.0;
-        let (mut x, mut y, mut heading) = (drawn(9_000), drawn(9_000), drawn(6_283) - 3.141);
+        let (mut x, mut y, mut heading) = (drawn(9_000), drawn(9_000), drawn(6_000) - 3.0);
         if numbers.chance(25) {
             (x, y, heading) = (x.round(), y.round(), 0.0);
         }
@@ -347,25 +340,13 @@ fn scattered(count: usize, is_round: bool, numbers: &mut Numbers) -> Vec<(f64, f
 #[test]
 fn scattered_spots_are_taken_without_contact() {
     let mut numbers = Numbers(44);
-    let (mut formed_ones, mut refused) = (0, Vec::new());
     for round in 0..60 {
         let is_round = round % 2 == 0;
         let spots = scattered(4 + numbers.below(7), is_round, &mut numbers);
         let more = if is_round { "body: circle" } else { "" };
         // All joined, as who docks to whom does not matter here.
-        let text = scenario(&spots, 30.0, more);
-        match planned(&text).motion {
-            PlannedMotion::Paths(_) => {
-                formed(&text);
-                formed_ones += 1;
-            }
-            motion => refused.push((text, motion)),
-        }
+        formed(&scenario(&spots, 30.0, more));
     }
-    for (text, motion) in refused.iter().take(2) {
-        eprintln!("{motion:?}\n{text}");
-    }
-    assert_eq!((formed_ones, refused.len()), (60, 0));
 }
 
 /// A round module turns in a lane in which a square one has no room to.

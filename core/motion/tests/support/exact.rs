@@ -125,22 +125,25 @@ fn first_contact(plan: &MotionPlan, target: &Target, execution: &Execution) -> O
         .flatten()
         .map(|time| time.1)
         .fold(0.0, f64::max);
-    let moments = (end / STRIDE).ceil() as u32 + 1;
-    (0..=moments).find_map(|moment| {
-        let time = f64::from(moment) * STRIDE;
-        let units = plan.units.iter().zip(&execution.times).enumerate();
-        let all: Vec<_> = units
-            .flat_map(|(index, (unit, times))| {
-                let modules = unit.modules.iter();
-                modules.map(move |module| (module.module, placed(unit, index, module, times, time)))
+    let moments = std::iter::successors(Some(0.0), |time| Some(time + STRIDE));
+    moments
+        .take_while(|&time| time < end + STRIDE)
+        .find_map(|time| {
+            let units = plan.units.iter().zip(&execution.times).enumerate();
+            let all: Vec<_> = units
+                .flat_map(|(index, (unit, times))| {
+                    let modules = unit.modules.iter();
+                    modules.map(move |module| {
+                        (module.module, placed(unit, index, module, times, time))
+                    })
+                })
+                .collect();
+            all.iter().enumerate().find_map(|(index, one)| {
+                let mut before = all[..index].iter();
+                let other = before.find(|other| overlap(one.1, other.1, shape, width))?;
+                Some(format!("{:?} and {:?} at {time}", one, other))
             })
-            .collect();
-        all.iter().enumerate().find_map(|(index, one)| {
-            let mut before = all[..index].iter();
-            let other = before.find(|other| overlap(one.1, other.1, shape, width))?;
-            Some(format!("{:?} and {:?} at {time}", one, other))
         })
-    })
 }
 
 /// Executes a plan once without and some times with random delays; the first contact of bodies.
