@@ -6,10 +6,11 @@
 
 use std::collections::BTreeSet;
 
+use super::exit::{Exit, ExitStep};
 use super::lattice::{Site, point};
 use super::lattice_request::LatticeRequest;
 use super::rectangle::{HALF, hull};
-use super::resting::cells_under;
+use super::resting::{RIGID, cells_under, in_cells, minus};
 use super::shape::Shape;
 use super::units::{Layout, Unit};
 use formation_model::turning::{Point, angle_of, off_quarter, quarters, rotated, shortest};
@@ -17,31 +18,6 @@ use formation_model::{MICRO_PER_UNIT, MicroUnits, Pose, StepKind};
 
 /// An exit begins at most this many columns and rows from the spot.
 const FAR: i64 = 3;
-/// How far the members of a block may be off a common lattice.
-const RIGID: i64 = 5_000;
-
-/// One step of an exit.
-#[derive(Clone, Debug)]
-pub(super) struct ExitStep {
-    pub kind: StepKind,
-    /// Where each member is afterwards.
-    pub poses: Vec<Pose>,
-}
-
-/// The way of a unit off the lattice. It has at least two steps.
-#[derive(Clone, Debug)]
-pub(super) struct Exit {
-    /// The cell under the middle of the unit from which it leaves in its last layout.
-    pub cell: usize,
-    pub steps: Vec<ExitStep>,
-    /// The cells that it reaches into, but for those into which bodies reach that rest before.
-    pub swept: Vec<usize>,
-    /// Those of them into which it reaches at rest.
-    pub rest: Vec<usize>,
-    /// The units near it that have to rest before.
-    pub after: Vec<usize>,
-}
-
 /// What exits are searched among.
 #[derive(Clone, Copy)]
 pub(super) struct ExitSearch<'a> {
@@ -82,16 +58,8 @@ fn pose((x, y): Point, theta: i64) -> Pose {
     }
 }
 
-fn in_cells((x, y): Site) -> Point {
-    (x * MICRO_PER_UNIT, y * MICRO_PER_UNIT)
-}
-
 fn plus(one: Point, other: Point) -> Point {
     (one.0 + other.0, one.1 + other.1)
-}
-
-fn minus(one: Point, other: Point) -> Point {
-    (one.0 - other.0, one.1 - other.1)
 }
 
 fn length((x, y): Point) -> i64 {
@@ -115,24 +83,6 @@ fn distance(point: Point, (from, to): (Point, Point)) -> i64 {
     let across =
         i128::from(line.0) * i128::from(offset.1) - i128::from(line.1) * i128::from(offset.0);
     i64::try_from(across.abs() / whole.isqrt()).unwrap_or(i64::MAX)
-}
-
-/// The cells of spots that lie on a lattice of their own, seen from the first.
-pub(super) fn rigid_cells(goals: &[Pose]) -> Option<Vec<Site>> {
-    let first = goals.first()?;
-    let turned = off_quarter(first.theta.0);
-    let sites = goals.iter().map(|goal| {
-        let offset = rotated(minus(point(goal), point(first)), -turned);
-        let cell = |along: i64| (along + HALF).div_euclid(MICRO_PER_UNIT);
-        let site = (cell(offset.0), cell(offset.1));
-        let off = minus(offset, in_cells(site));
-        let is_on = off.0.abs().max(off.1.abs()) <= RIGID
-            && off_quarter(goal.theta.0 - turned).abs() <= RIGID;
-        is_on.then_some(site)
-    });
-    let sites: Vec<Site> = sites.collect::<Option<_>>()?;
-    let distinct: BTreeSet<Site> = sites.iter().copied().collect();
-    (distinct.len() == sites.len()).then_some(sites)
 }
 
 impl ExitSearch<'_> {

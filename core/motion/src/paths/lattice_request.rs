@@ -2,11 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::exits::rigid_cells;
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time};
 use super::rectangle::{Rectangle, bounds, overlap};
-use super::resting::{Form, Rest, RestingBodies, cells_under};
+use super::resting::{AtRest, Form, RestingBodies, cells_under, rigid_cells};
 use super::result::{MotionError, MotionRequest, StartFault};
 use super::schedule::NO_UNIT;
 use super::shape::Shape;
@@ -106,7 +105,7 @@ impl<'a> LatticeRequest<'a> {
         let stands = resting.standing(problem, &spot_of);
         let tolerance = request.parameters.tolerance;
         let is_open = |rectangle: &Rectangle| request.is_open(rectangle);
-        let rest = Rest {
+        let rest = AtRest {
             bodies: &resting,
             stands: &stands,
         };

@@ -8,7 +8,8 @@
 
 use std::cmp::Reverse;
 
-use super::exits::{Exit, ExitSearch};
+use super::exit::Exit;
+use super::exits::ExitSearch;
 use super::lattice::{Arena, Site};
 use super::lattice_request::LatticeRequest;
 use super::regions::Regions;

@@ -1,11 +1,16 @@
 //! Bodies at rest off the lattice: what they cover, and whether they have room next to each other.
 
+use std::collections::BTreeSet;
+
 use super::lattice::{Arena, Lattice, Site, point};
 use super::rectangle::HALF;
 use super::result::MotionError;
 use super::shape::Shape;
-use formation_model::turning::{Point, off_quarter, shortest};
+use formation_model::turning::{Point, off_quarter, rotated, shortest};
 use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose, Target};
+
+/// How far the members of a block may be off a common lattice.
+pub(super) const RIGID: i64 = 5_000;
 
 /// What bodies look like from above.
 #[derive(Clone, Copy, Debug)]
@@ -187,7 +192,34 @@ pub(super) fn slack(problem: &PlanningProblem, tolerance: i64) -> i64 {
 
 /// The bodies on spots, and which modules stand there and are not pinned.
 #[derive(Clone, Copy)]
-pub(super) struct Rest<'a> {
+pub(super) struct AtRest<'a> {
     pub bodies: &'a RestingBodies,
     pub stands: &'a [bool],
+}
+
+/// The cells of spots that lie on a lattice of their own, seen from the first.
+pub(super) fn rigid_cells(goals: &[Pose]) -> Option<Vec<Site>> {
+    let first = goals.first()?;
+    let turned = off_quarter(first.theta.0);
+    let sites = goals.iter().map(|goal| {
+        let offset = rotated(minus(point(goal), point(first)), -turned);
+        let cell = |along: i64| (along + HALF).div_euclid(MICRO_PER_UNIT);
+        let site = (cell(offset.0), cell(offset.1));
+        let off = minus(offset, in_cells(site));
+        let is_on = off.0.abs().max(off.1.abs()) <= RIGID
+            && off_quarter(goal.theta.0 - turned).abs() <= RIGID;
+        is_on.then_some(site)
+    });
+    let sites: Vec<Site> = sites.collect::<Option<_>>()?;
+    let distinct: BTreeSet<Site> = sites.iter().copied().collect();
+    (distinct.len() == sites.len()).then_some(sites)
+}
+
+/// The middle of a cell, seen from that of the first.
+pub(super) fn in_cells((x, y): Site) -> Point {
+    (x * MICRO_PER_UNIT, y * MICRO_PER_UNIT)
+}
+
+pub(super) fn minus(one: Point, other: Point) -> Point {
+    (one.0 - other.0, one.1 - other.1)
 }

@@ -15,7 +15,7 @@ use super::group::{Alignment, Exactness, Group, Phase};
 use super::lattice::{Lattice, point};
 use super::rectangle::{HALF, Rectangle, overlap, square};
 use super::regroup::RegroupingGround;
-use super::resting::{Rest, slack};
+use super::resting::{AtRest, slack};
 use super::result::StartFault;
 use super::shape::Shape;
 use formation_model::turning::Point;
@@ -29,7 +29,7 @@ use formation_model::{MicroUnits, PlanningProblem, Pose};
 pub(super) fn align(
     problem: &PlanningProblem,
     lattice: &Lattice,
-    resting: &Rest,
+    resting: &AtRest,
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
@@ -80,7 +80,7 @@ pub(super) fn align(
 /// The groups, and what keeps modules from being in one.
 fn groups_of(
     problem: &PlanningProblem,
-    (lattice, resting): (&Lattice, &Rest),
+    (lattice, resting): (&Lattice, &AtRest),
     exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
@@ -167,7 +167,7 @@ fn groups_of(
 fn staying(
     problem: &PlanningProblem,
     lattice: &Lattice,
-    resting: &Rest,
+    resting: &AtRest,
     module: usize,
 ) -> Option<Group> {
     let member = &problem.modules()[module];

@@ -1,6 +1,6 @@
 //! Units, their layouts and the discs in which blocks fold.
 
-use super::exits::{Exit, ExitStep};
+use super::exit::{Exit, ExitStep};
 use super::lattice::{Arena, Site, Time, nearest_to_all, reach};
 
 /// A place of a unit: a layout and the cell under the middle of it, as one number.
