@@ -37,6 +37,14 @@ const UNFOLDED: Deviation = Deviation {
     angle: 0.05,
 };
 
+/// Goals that lie to each other as neighbours on the lattice do, but for the errors of measured poses.
+const ON_LATTICE: Deviation = Deviation {
+    distance: 0.15,
+    angle: 0.15,
+};
+/// Off the lattice, modules dock that are at most this many units apart.
+const APART_MAX: Real = 2.0;
+
 /// A joint yields a little, with this frequency in hertz.
 const JOINT_FREQUENCY: Real = 30.0;
 
@@ -86,7 +94,8 @@ impl Contact {
 /// Where a module docks, as the other one sees it: on the nearest side, one unit away, with the nearest of the four headings. Where
 /// their goals lie to each other otherwise, as spots off the lattice do, its ports are where the goals want them.
 pub(crate) fn docking_place(relative: &Pose, goals: &Pose) -> Pose {
-    if deviation(goals, &side(goals)).is_within(FOLDED) {
+    let is_far = goals.translation.length() > APART_MAX;
+    if is_far || deviation(goals, &side(goals)).is_within(ON_LATTICE) {
         side(relative)
     } else {
         *goals
