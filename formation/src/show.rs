@@ -69,6 +69,9 @@ fn surroundings(scenario: &Scenario) -> String {
     if let Some(size) = scenario.module_size() {
         lines.push_str(&format!("module_size: {}\n", size.metres()));
     }
+    if scenario.problem().target().surroundings().body().is_round() {
+        lines.push_str("body: circle\n");
+    }
     let width = scenario.problem().target().surroundings().body_width();
     if width != BODY_WIDTH {
         lines.push_str(&format!("body_width: {}\n", width.to_units()));

@@ -35,6 +35,7 @@ def announcement(scenario, options):
     message.header.frame_id = target.get("frame_id", "map")
     # Scenarios are in units, messages in metres.
     size = message.module_size = float(scenario.get("module_size", 1.0))
+    message.body = ["square", "circle"].index(scenario.get("body", "square"))
     message.body_width = size * float(scenario.get("body_width", 0.9))
     # The highest revision holds, so later announcements replace this one.
     message.revision = int(time.time() * 1000)

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use formation_model::{
-    self as model, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea, RawGiven,
-    RawGivenSpot, RawSpot, RawSurroundings, RawTarget, Spread, Surroundings, Target,
+    self as model, BodyShape, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea,
+    RawGiven, RawGivenSpot, RawSpot, RawSurroundings, RawTarget, Spread, Surroundings, Target,
     TargetAnnouncement, TurnOrder, Weights, WeightsError,
 };
 use serde::{Deserialize, Serialize};
@@ -83,6 +83,7 @@ pub struct TargetConfiguration {
     pub planner: PlannerParameters,
     pub module_size: f64,
     pub body_width: f64,
+    pub body: u8,
     pub obstacles: Vec<Area>,
     pub arena: Area,
     pub allocation: Vec<SpotSelection>,
@@ -106,6 +107,7 @@ impl Default for TargetConfiguration {
             planner: PlannerParameters::default(),
             module_size: ModuleSize::METRE.metres(),
             body_width: 0.0,
+            body: 0,
             obstacles: Vec::new(),
             arena: Area::default(),
             allocation: Vec::new(),
@@ -130,6 +132,13 @@ enumeration! {
         MOTION_AUTO AUTO 0 = Auto,
         MOTION_PATHS PATHS 1 = Paths,
         MOTION_STRAIGHT STRAIGHT 2 = Straight,
+    }
+}
+
+enumeration! {
+    TargetConfiguration "body": body_to_wire, body_from_wire => BodyShape {
+        BODY_SQUARE SQUARE 0 = Square,
+        BODY_CIRCLE CIRCLE 1 = Circle,
     }
 }
 
@@ -310,6 +319,7 @@ impl TargetConfiguration {
             planner: PlannerParameters::from(&announcement.parameters),
             module_size: size.metres(),
             body_width: surroundings.map_or(0.0, |own| size.to_metres(own.body_width())),
+            body: surroundings.map_or(0, |own| body_to_wire(own.body())),
             obstacles: surroundings.map_or_else(Vec::new, |own| {
                 let areas = own.obstacles().iter();
                 areas.map(|area| Area::new(area, size)).collect()
@@ -417,7 +427,9 @@ impl TargetConfiguration {
             edges: edges.map(|edge| [edge.first, edge.second]).collect(),
         };
         let width = size.scale_to_units(self.body_width);
+        let body = body_from_wire(self.body)?;
         let surroundings = Surroundings::try_from(RawSurroundings {
+            body,
             body_width: (self.body_width != 0.0).then_some(width),
             obstacles: self
                 .obstacles

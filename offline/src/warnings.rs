@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 use std::fmt::Display;
 
 use formation_model::text::counted;
-use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
+use formation_model::{BodyShape, MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 
 /// A module is one unit wide; poses are written with a few decimals, so a little less still counts as apart.
 const WIDTH_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT - TOLERANCE.0);
 const TOLERANCE: MicroUnits = MicroUnits(10_000);
 /// Front, left, back and right.
 const PORTS: usize = 4;
+/// Round modules have as many neighbours in a hexagonal lattice.
+const PORTS_OF_ROUND: usize = 6;
 
 /// At most one sentence for each kind of oddity, which names the first place and says how many there are.
 pub fn of(problem: &PlanningProblem) -> Vec<String> {
@@ -23,6 +25,10 @@ pub fn of(problem: &PlanningProblem) -> Vec<String> {
             .filter_map(|&other| problem.module(other))
             .map(move |other| ((module.id, module.pose), (other.id, other.pose)))
     });
+    let ports = match problem.target().surroundings().body() {
+        BodyShape::Square => PORTS,
+        BodyShape::Circle => PORTS_OF_ROUND,
+    };
     let mut degrees = spots.iter().zip(0..);
     [
         uneven_numbers(problem),
@@ -44,10 +50,12 @@ pub fn of(problem: &PlanningProblem) -> Vec<String> {
                 .map(|(one, other)| ((one.id, one.pose), (other.id, other.pose))),
         ),
         odd_lengths("configurations", links),
-        degrees.find_map(|(spot, node)| overfull("target.edges", spot.id, topology.degree(node))),
+        degrees.find_map(|(spot, node)| {
+            overfull("target.edges", spot.id, topology.degree(node), ports)
+        }),
         modules
             .iter()
-            .find_map(|module| overfull("configurations", module.id, module.links.len())),
+            .find_map(|module| overfull("configurations", module.id, module.links.len(), ports)),
     ]
     .into_iter()
     .flatten()
@@ -81,9 +89,9 @@ fn uneven_numbers(problem: &PlanningProblem) -> Option<String> {
 }
 
 /// A spot or module with more neighbours than a module has ports.
-fn overfull(field: &str, id: impl Display, degree: usize) -> Option<String> {
-    (degree > PORTS)
-        .then(|| format!("{field}: {id} has {degree} neighbours; a module has {PORTS} ports"))
+fn overfull(field: &str, id: impl Display, degree: usize, ports: usize) -> Option<String> {
+    (degree > ports)
+        .then(|| format!("{field}: {id} has {degree} neighbours; a module has {ports} ports"))
 }
 
 /// Finds all that stands nearer than `least` to something listed before it.

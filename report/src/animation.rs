@@ -47,7 +47,7 @@ pub enum Colours {
 /// Makes the animated picture of a formation that took this course; `outcome` is its last caption.
 #[must_use]
 pub fn animation(subject: &Subject, course: &[Entry], outcome: &str, colours: Colours) -> String {
-    let frame = Frame::around(places(subject, course));
+    let frame = Frame::around(places(subject, course)).with_bodies(subject.surroundings.body());
     let film = Film::of(subject, course, &frame, outcome, KEYFRAMES_MAX);
     let clock = Clock::of(&film);
     let mut rules = styles(colours);

@@ -1,6 +1,6 @@
 //! The drawings of spots, links and modules, for the pictures and for the page's player.
 
-use formation_model::{Area, MicroUnits, Pose};
+use formation_model::{Area, BodyShape, MicroUnits, Pose};
 
 use crate::element::{Element, Short};
 use crate::frame::Frame;
@@ -204,7 +204,9 @@ pub(crate) fn target(
         let (x, y) = (frame.x(&spot.pose), frame.y(&spot.pose));
         let mut drawn = Element::group(class_of(spot))
             .with("data-spot", spot.id.0)
-            .containing(square(side).with("transform", placed(x, y, Frame::turn(&spot.pose))));
+            .containing(
+                outline(side, frame.body).with("transform", placed(x, y, Frame::turn(&spot.pose))),
+            );
         if let Some(label) = label(side, spot.id.0) {
             drawn.push(label.lengths([("x", x), ("y", y)]));
         }
@@ -225,20 +227,20 @@ pub(crate) fn module_at(frame: &Frame, module: &Module, pose: &Pose) -> Element 
     let mut drawn = Element::group(class)
         .with("data-module", module.id.0)
         .with("transform", translate(frame.x(pose), frame.y(pose)))
-        .containing(body(side, &look, Frame::turn(pose)));
+        .containing(body((side, frame.body), &look, Frame::turn(pose)));
     if let Some(label) = label(side, module.id.0) {
         drawn.push(label.with("fill", look.ink).with("stroke", look.fill));
     }
     drawn
 }
 
-/// A module's square with the mark of its heading, around the origin.
-pub(crate) fn body(side: f64, look: &Look, turn: f64) -> Element {
+/// A module's body with the mark of its heading, around the origin.
+pub(crate) fn body((side, shape): (f64, BodyShape), look: &Look, turn: f64) -> Element {
     let mut body = Element::group("body").with("transform", format!("rotate({})", Short(turn)));
-    body.push(square(side).with("fill", look.fill));
+    body.push(outline(side, shape).with("fill", look.fill));
     if let Some(pattern) = look.pattern {
         body.push(
-            square(side)
+            outline(side, shape)
                 .with("class", "pattern")
                 .with("fill", format!("url(#{pattern})")),
         );
@@ -256,12 +258,16 @@ pub(crate) fn body(side: f64, look: &Look, turn: f64) -> Element {
     body
 }
 
-/// A square around the origin, with round corners.
-fn square(side: f64) -> Element {
+/// A square around the origin, with round corners, or a circle.
+fn outline(side: f64, shape: BodyShape) -> Element {
     let half = -side / 2.0;
+    let corner = match shape {
+        BodyShape::Square => side * 0.18,
+        BodyShape::Circle => side / 2.0,
+    };
     Element::new("rect")
         .lengths([("x", half), ("y", half), ("width", side), ("height", side)])
-        .with("rx", Short(side * 0.18))
+        .with("rx", Short(corner))
 }
 
 /// A transformation that moves the origin.

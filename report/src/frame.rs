@@ -1,6 +1,6 @@
 //! From units on the ground to pixels in a picture.
 
-use formation_model::Pose;
+use formation_model::{BodyShape, Pose};
 
 /// The length of a unit, unless the picture would become too large.
 const PIXELS_PER_UNIT_MAX: f64 = 48.0;
@@ -26,6 +26,8 @@ pub(crate) struct Frame {
     /// The size of the ground, in pixels.
     pub(crate) width: f64,
     pub(crate) height: f64,
+    /// What modules look like from above.
+    pub(crate) body: BodyShape,
 }
 
 /// A line of the grid: its position in pixels, and its number if there is room for it.
@@ -56,7 +58,13 @@ impl Frame {
             scale,
             width: (right - left + 2.0 * margin) * scale,
             height: (top - bottom + 2.0 * margin) * scale,
+            body: BodyShape::Square,
         }
+    }
+
+    /// Draws modules in this shape.
+    pub(crate) fn with_bodies(self, body: BodyShape) -> Self {
+        Self { body, ..self }
     }
 
     /// Widens the ground on both sides to at least this width in pixels.

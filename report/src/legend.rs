@@ -1,5 +1,6 @@
 //! The legend: the signs in a picture and their meaning.
 
+use formation_model::BodyShape;
 use formation_model::text::counted;
 
 use crate::drawing::{self, body, translate};
@@ -135,7 +136,7 @@ pub(crate) fn drawn(mark: Mark) -> Element {
         Mark::Module(look, leads) => {
             let class = if leads { "module leader" } else { "module" };
             let module = Element::group(class).with("transform", format!("translate({centre} 0)"));
-            sign.containing(module.containing(body(side, &look, 0.0)))
+            sign.containing(module.containing(body((side, BodyShape::Square), &look, 0.0)))
         }
         Mark::Dead => Element::group("dead").containing(drawn(Mark::Module(look(None), false))),
         Mark::Line(class) => sign.containing(line(class)),

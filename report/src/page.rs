@@ -76,7 +76,9 @@ pub struct Summary {
 /// Makes the page of a formation that took this course.
 #[must_use]
 pub fn page(subject: &Subject, course: &[Entry], summary: &Summary) -> String {
-    let frame = Frame::around(places(subject, course)).at_least(GROUND_WIDTH_MIN);
+    let frame = Frame::around(places(subject, course))
+        .at_least(GROUND_WIDTH_MIN)
+        .with_bodies(subject.surroundings.body());
     let film = Film::of(subject, course, &frame, &summary.outcome, KEYFRAMES_MAX);
     fill(TEMPLATE, |marker| match marker {
         "policy" => policy(),

@@ -107,7 +107,9 @@ fn picture(
     let poses = subject.modules.iter().map(|module| *moment.pose(module));
     let spots = subject.spots.iter().map(|spot| spot.pose);
     let corners = subject.corners();
-    let frame = Frame::around(poses.clone().chain(spots).chain(corners)).at_least(GROUND_WIDTH_MIN);
+    let frame = Frame::around(poses.clone().chain(spots).chain(corners))
+        .at_least(GROUND_WIDTH_MIN)
+        .with_bodies(subject.surroundings.body());
     let pose_of = |module: usize| moment.pose(&subject.modules[module]);
     let line = |class, (one, other)| drawing::line(&frame, class, pose_of(one), pose_of(other));
     let [mut links, mut bows, mut crosses] = [(); 3].map(|()| Element::group("links"));

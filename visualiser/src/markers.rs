@@ -35,9 +35,11 @@ pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArr
     let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
     let target = scene.target();
     let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
+    let is_round = target.is_some_and(|target| target.surroundings().body().is_round());
     let mut picture = Picture {
         header,
         width: width.to_units(),
+        is_round,
         figures: &figures,
         markers: vec![Marker {
             header: header.clone(),
@@ -61,6 +63,7 @@ struct Picture<'a> {
     header: &'a Header,
     /// The width of a body.
     width: f64,
+    is_round: bool,
     figures: &'a BTreeMap<ModuleId, Figure<'a>>,
     markers: Vec<Marker>,
 }
@@ -125,9 +128,12 @@ impl Picture<'_> {
             let holder = scene.holders().get(&spot.id);
             let holder = holder.and_then(|module| self.figures.get(module));
             let colour = holder.map_or(GREY, colour_of);
-            let corners = corners_of(&spot.pose, self.width);
+            let corners = match self.is_round {
+                true => points_around(&spot.pose, self.width),
+                false => corners_of(&spot.pose, self.width).into(),
+            };
             for (index, corner) in corners.iter().enumerate() {
-                outlines.push(([*corner, corners[(index + 1) % 4]], colour));
+                outlines.push(([*corner, corners[(index + 1) % corners.len()]], colour));
             }
             for other in target
                 .neighbours_of(spot.id)
@@ -257,7 +263,10 @@ impl Picture<'_> {
             "modules",
             module.0,
             Marker {
-                r#type: Marker::CUBE,
+                r#type: match self.is_round {
+                    true => Marker::CYLINDER,
+                    false => Marker::CUBE,
+                },
                 pose,
                 scale: scale(self.width, self.width, MODULE_HEIGHT),
                 color: colour_of(figure),
@@ -288,6 +297,17 @@ fn point(pose: &Pose, z: f64) -> Point {
         y: pose.y.to_units(),
         z,
     }
+}
+
+/// Points on the circle of a round body.
+fn points_around(pose: &Pose, width: f64) -> Vec<Point> {
+    let eighths = (0..16).map(|part| f64::from(part) * std::f64::consts::FRAC_PI_8);
+    let on_circle = eighths.map(|angle| Point {
+        x: pose.x.to_units() + width / 2.0 * angle.cos(),
+        y: pose.y.to_units() + width / 2.0 * angle.sin(),
+        z: 0.0,
+    });
+    on_circle.collect()
 }
 
 /// The corners of a body of this width that stands there, in their order around it.

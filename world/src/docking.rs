@@ -37,6 +37,14 @@ const UNFOLDED: Deviation = Deviation {
     angle: 0.05,
 };
 
+/// Goals that lie to each other as neighbours on the lattice do, but for the errors of measured poses.
+const ON_LATTICE: Deviation = Deviation {
+    distance: 0.15,
+    angle: 0.15,
+};
+/// Off the lattice, modules dock that are at most this many units apart.
+const APART_MAX: Real = 2.0;
+
 /// A joint yields a little, with this frequency in hertz.
 const JOINT_FREQUENCY: Real = 30.0;
 
@@ -83,14 +91,19 @@ impl Contact {
     }
 }
 
-/// Where a module is to stand to dock to another one: on the nearest side, one unit away, with the nearest of the four
-/// headings.
-pub(crate) fn place_next_to(other: &Pose, module: &Pose) -> Pose {
-    *other * side(&other.inv_mul(module))
+/// Where a module docks, as the other one sees it: on the nearest side, one unit away, with the nearest of the four headings. Where
+/// their goals lie to each other otherwise, as spots off the lattice do, its ports are where the goals want them.
+pub(crate) fn docking_place(relative: &Pose, goals: &Pose) -> Pose {
+    let is_far = goals.translation.length() > APART_MAX;
+    if is_far || deviation(goals, &side(goals)).is_within(ON_LATTICE) {
+        side(relative)
+    } else {
+        *goals
+    }
 }
 
 /// The side of the other module, in that module's frame.
-pub(crate) fn side(relative: &Pose) -> Pose {
+fn side(relative: &Pose) -> Pose {
     let Vector { x, y } = relative.translation;
     let place = if x.abs() >= y.abs() {
         Vector::new(x.signum(), 0.0)
@@ -148,7 +161,7 @@ impl Links {
         other: usize,
         placed: &[Placed],
         physics: &mut PhysicsWorld,
-        rest: fn(&Pose) -> Pose,
+        rest: impl Fn(&Pose) -> Pose,
     ) {
         let ends = key(one, other);
         let rest = rest(&relative(placed, ends, physics));
@@ -257,9 +270,17 @@ mod tests {
             (pose(2.1, 0.1, 1.5), pose(2.0, 0.0, FRAC_PI_2)),
             (pose(1.1, 1.0, -3.1), pose(1.0, 1.0, 2.0 * FRAC_PI_2)),
         ] {
-            let found = place_next_to(&other, &module);
+            let goals = other.inv_mul(&place);
+            let found = other * docking_place(&other.inv_mul(&module), &goals);
             assert!(is_near(&found, &place), "{found:?} is not {place:?}");
         }
+    }
+
+    #[test]
+    fn off_the_lattice_modules_dock_as_their_goals_lie_to_each_other() {
+        let goals = pose(0.5, 0.866, 0.0);
+        let found = docking_place(&pose(0.52, 0.85, 0.01), &goals);
+        assert!(is_near(&found, &goals), "{found:?}");
     }
 
     #[test]

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use formation_model::{
-    Area, DockingAction, DockingRequest, DockingResult, MicroUnits, ModuleId, PlanningProblem,
-    Pose as CorePose,
+    Area, BodyShape, DockingAction, DockingRequest, DockingResult, MicroUnits, ModuleId,
+    PlanningProblem, Pose as CorePose,
 };
 use formation_motion::WorldReport;
 use rapier2d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
@@ -14,7 +14,7 @@ use rapier2d::math::{Pose, Real, Vector};
 use rapier2d::pipeline::{ActiveHooks, PhysicsWorld};
 
 use crate::contacts::{Contacts, DockedBodies, mark_of};
-use crate::docking::{Attempt, AttemptStage, Contact, Links, Placed, REACH, place_next_to, side};
+use crate::docking::{Attempt, AttemptStage, Contact, Links, Placed, REACH, docking_place};
 use crate::options::WorldOptions;
 use crate::plane::{Deviation, deviation, from_core, real, to_core};
 use crate::robot::Robot;
@@ -77,7 +77,11 @@ impl World {
         let robots = modules.iter().enumerate().map(|(index, module)| {
             let start = from_core(&module.pose);
             let body = RigidBodyBuilder::dynamic().pose(start).can_sleep(false);
-            let collider = ColliderBuilder::cuboid(half, half)
+            let collider = match surroundings.body() {
+                BodyShape::Square => ColliderBuilder::cuboid(half, half),
+                BodyShape::Circle => ColliderBuilder::ball(half),
+            };
+            let collider = collider
                 .mass(MASS)
                 .friction(FRICTION)
                 .user_data(mark_of(index))
@@ -275,8 +279,15 @@ impl World {
             return None;
         };
         let other = *self.indices.get(&attempt.request.other)?;
-        let place = place_next_to(&self.pose(other), at);
+        let place = self.docking_place(index, other, at);
         deviation(at, &place).is_within(REACH).then_some(place)
+    }
+
+    /// Where a module is to stand to dock to another one.
+    fn docking_place(&self, index: usize, other: usize, at: &Pose) -> Pose {
+        let stands = self.pose(other);
+        let goals = self.robots[other].goal.inv_mul(&self.robots[index].goal);
+        stands * docking_place(&stands.inv_mul(at), &goals)
     }
 
     /// Goes on with all attempts to dock and undock.
@@ -322,7 +333,7 @@ impl World {
             return AttemptStage::Done;
         }
         let at = self.pose(index);
-        let off = deviation(&at, &place_next_to(&self.pose(other), &at));
+        let off = deviation(&at, &self.docking_place(index, other, &at));
         let limit = real(self.options.docking_tolerance);
         let tolerance = Deviation {
             distance: limit,
@@ -341,8 +352,11 @@ impl World {
             return AttemptStage::Failed;
         }
         let placed = self.placed();
+        let goal = |index: usize| self.robots[index].goal;
+        let goals = goal(index.min(other)).inv_mul(&goal(index.max(other)));
+        let place = |now: &Pose| docking_place(now, &goals);
         self.links
-            .dock(index, other, &placed, &mut self.physics, side);
+            .dock(index, other, &placed, &mut self.physics, place);
         AttemptStage::Done
     }
 }

@@ -179,6 +179,7 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         singletons: ids.take(alone).map(&mut singleton).collect(),
         planner: PlannerParameters::default(),
         module_size: None,
+        body: formation_model::BodyShape::default(),
         body_width: None,
         obstacles: Vec::new(),
         arena: None,

@@ -102,6 +102,7 @@ pub fn on_cells(free: &BTreeSet<LatticeCell>, count: usize, seed: u64) -> Option
             .collect(),
         planner: PlannerParameters::default(),
         module_size: None,
+        body: formation_model::BodyShape::default(),
         body_width: None,
         obstacles: Vec::new(),
         arena: None,

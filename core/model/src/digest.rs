@@ -3,7 +3,7 @@
 use sha2::{Digest as _, Sha256};
 
 use crate::{
-    Area, BodyReport, Decision, Digest, ModuleId, MotionPlan, NO_ID, PaperOptions,
+    Area, BodyReport, BodyShape, Decision, Digest, ModuleId, MotionPlan, NO_ID, PaperOptions,
     PlannerParameters, PlanningModule, PlanningProblem, Policy, Pose, Roster, Surroundings, Target,
     TargetAnnouncement,
 };
@@ -114,7 +114,11 @@ fn put_target(canonical: &mut Canonical, parameters: &PlannerParameters, target:
     let surroundings = target.surroundings();
     let is_plain = *surroundings == Surroundings::default();
     // Each kind of target has a number of its own, so what follows is read in one way only.
-    canonical.number(if is_plain { 1 } else { 2 });
+    canonical.number(match surroundings.body() {
+        BodyShape::Square if is_plain => 1,
+        BodyShape::Square => 2,
+        BodyShape::Circle => 3,
+    });
     if !is_plain {
         canonical.signed(surroundings.body_width().0);
         let (obstacles, arena) = (surroundings.obstacles(), surroundings.arena());

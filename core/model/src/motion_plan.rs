@@ -17,14 +17,14 @@ pub enum Variant {
 /// What a unit does in one step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepKind {
-    /// The modules that stand docked at the start turn about a point in place, as one body.
+    /// The modules that stand docked at the start, or a unit that leaves the lattice, turn about a point in place, as one body.
     Turn {
         /// The point.
         centre: Pose,
         /// How far the modules' corners reach from it.
         radius: MicroUnits,
     },
-    /// They shift along one axis onto the lattice, as one body.
+    /// They shift onto the lattice along one axis, or off it, as one body.
     Shift,
     /// Docked modules that stood off a common lattice each go to a cell; they may overlap each other meanwhile.
     Regroup,

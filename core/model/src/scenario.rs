@@ -10,10 +10,10 @@ use thiserror::Error;
 use crate::field_error::{check_id, checked_pose, connected_graph};
 use crate::yaml::YamlError;
 use crate::{
-    ConfigurationId, FieldError, GivenRefused, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize,
-    MotionMode, NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem, Policy,
-    ProblemError, RawArea, RawGiven, RawModule, RawPlacement, RawSurroundings, RawTarget, SpotId,
-    Surroundings, Target, Topology,
+    BodyShape, ConfigurationId, FieldError, GivenRefused, LINKS_MAX, MODULES_MAX, ModuleId,
+    ModuleSize, MotionMode, NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem,
+    Policy, ProblemError, RawArea, RawGiven, RawModule, RawPlacement, RawSurroundings, RawTarget,
+    SpotId, Surroundings, Target, Topology,
 };
 
 /// The greatest depth of nested brackets; scenarios nest four.
@@ -33,6 +33,10 @@ pub struct RawConfiguration {
     /// Pairs of docked members.
     #[serde(default)]
     pub edges: Vec<[u32; 2]>,
+}
+
+fn is_square(body: &BodyShape) -> bool {
+    *body == BodyShape::Square
 }
 
 /// A scenario file, not yet checked.
@@ -56,6 +60,9 @@ pub struct RawScenario {
     /// The metres in a unit; `None` for one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub module_size: Option<f64>,
+    /// The shape of a body.
+    #[serde(default, skip_serializing_if = "is_square")]
+    pub body: BodyShape,
     /// The width of a body, in units; `None` for [`crate::BODY_WIDTH`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_width: Option<f64>,
@@ -283,6 +290,7 @@ impl TryFrom<RawScenario> for Scenario {
         let module_size = raw.module_size.map(ModuleSize::from_metres).transpose();
         let module_size = module_size.map_err(|error| FieldError::new("module_size", error))?;
         let raw_surroundings = RawSurroundings {
+            body: raw.body,
             body_width: raw.body_width,
             obstacles: raw.obstacles,
             arena: raw.arena,

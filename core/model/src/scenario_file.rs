@@ -6,8 +6,9 @@ use crate::map::{Lattice, Map, Undrawable, draw};
 use crate::scenario::NESTING_MAX;
 use crate::yaml;
 use crate::{
-    FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration, RawGiven,
-    RawGivenSpot, RawModule, RawScenario, RawSpot, RawTarget, Scenario, ScenarioError, Target,
+    BodyShape, FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration,
+    RawGiven, RawGivenSpot, RawModule, RawScenario, RawSpot, RawTarget, Scenario, ScenarioError,
+    Target,
 };
 
 /// A scenario file as it is written.
@@ -25,6 +26,8 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     planner: PlannerParameters,
     module_size: Option<f64>,
+    #[serde(default)]
+    body: BodyShape,
     body_width: Option<f64>,
     #[serde(default)]
     obstacles: Vec<RawArea>,
@@ -177,6 +180,7 @@ impl TryFrom<ScenarioFile> for RawScenario {
             singletons,
             planner: file.planner,
             module_size: file.module_size,
+            body: file.body,
             body_width: file.body_width,
             obstacles,
             arena: file.arena,

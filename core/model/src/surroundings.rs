@@ -1,6 +1,8 @@
-//! What a target's modules are and where they move: the width of their bodies, obstacles, and walls.
+//! What a target's modules are and where they move: the shape and width of their bodies, obstacles, and walls.
 
 use std::fmt;
+
+use serde::{Deserialize, Serialize};
 
 use crate::area_union::{UnionError, union};
 use crate::{Area, FieldError, MicroUnits, RawArea, Spot};
@@ -17,9 +19,32 @@ pub const DRAWN_BOXES_MAX: usize = 20_000;
 /// The least width of a body.
 const BODY_WIDTH_MIN: MicroUnits = MicroUnits(100_000);
 
+/// What the bodies of modules look like from above. Digests contain the numbers.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum BodyShape {
+    /// A square as wide as the body.
+    #[default]
+    Square = 0,
+    /// A circle whose diameter is the body's width.
+    Circle = 1,
+}
+
+impl BodyShape {
+    /// Whether it looks the same however it is turned.
+    #[must_use]
+    pub fn is_round(self) -> bool {
+        self == Self::Circle
+    }
+}
+
 /// The surroundings of a target as they stand in a file or a message, in units, not yet checked.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawSurroundings {
+    /// The shape of a body.
+    pub body: BodyShape,
     /// The width of a body; `None` for [`BODY_WIDTH`].
     pub body_width: Option<f64>,
     /// Boxes that no module may enter.
@@ -31,6 +56,7 @@ pub struct RawSurroundings {
 /// Validated surroundings of a target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Surroundings {
+    body: BodyShape,
     body_width: MicroUnits,
     obstacles: Vec<Area>,
     arena: Option<Area>,
@@ -39,6 +65,7 @@ pub struct Surroundings {
 impl Default for Surroundings {
     fn default() -> Self {
         Self {
+            body: BodyShape::Square,
             body_width: BODY_WIDTH,
             obstacles: Vec::new(),
             arena: None,
@@ -104,6 +131,7 @@ impl TryFrom<RawSurroundings> for Surroundings {
         })?;
         let arena = raw.arena.map(|area| Area::checked("arena", area));
         Ok(Self {
+            body: raw.body,
             body_width,
             obstacles,
             arena: arena.transpose()?,
@@ -112,7 +140,13 @@ impl TryFrom<RawSurroundings> for Surroundings {
 }
 
 impl Surroundings {
-    /// The width of the square body of a module. Bodies must not overlap; the rest of a cell is what drives may be off.
+    /// The shape of a body.
+    #[must_use]
+    pub fn body(&self) -> BodyShape {
+        self.body
+    }
+
+    /// The width of a square body, or the diameter of a round one. Bodies must not overlap; the rest of a cell is what drives may be off.
     #[must_use]
     pub fn body_width(&self) -> MicroUnits {
         self.body_width
@@ -214,12 +248,13 @@ mod tests {
         let texts = [
             "",
             "body_width: 0.8",
+            "body: circle",
             "arena: {x: 0, y: 0, width: 9, height: 9}",
             "obstacles: [{x: 9, y: 9, width: 9, height: 9}]",
             "obstacles: [{x: 9, y: 9, width: 9, height: 8}]",
         ];
         let digests: BTreeSet<_> = texts.iter().map(|text| digest(text)).collect();
         assert_eq!(digests.len(), texts.len());
-        assert_eq!(digest("body_width: 0.9"), digest(""));
+        assert_eq!(digest("body_width: 0.9\nbody: square"), digest(""));
     }
 }

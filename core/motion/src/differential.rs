@@ -3,7 +3,7 @@
 use formation_model::text::listed_in_full;
 use formation_model::{MicroUnits, PlanningProblem};
 
-/// The greatest width of a body whose corners stay within its cell while it turns: about 1/sqrt(2) units.
+/// The greatest width of a square body whose corners stay within its cell while it turns: about 1/sqrt(2) units.
 pub const TURNING_BODY_WIDTH_MAX: MicroUnits = MicroUnits(700_000);
 
 /// Whether robots with differential drives can carry out the motion of a problem.
@@ -17,11 +17,12 @@ pub fn check_differential_drives(problem: &PlanningProblem) -> Result<(), String
             "{modules} are docked, and a block cannot move sideways with differential drives; use --drive holonomic"
         ));
     }
-    let width = problem.target().surroundings().body_width();
-    if width > TURNING_BODY_WIDTH_MAX {
+    let surroundings = problem.target().surroundings();
+    let width = surroundings.body_width();
+    if !surroundings.body().is_round() && width > TURNING_BODY_WIDTH_MAX {
         return Err(format!(
             "body_width: is {} units, but a robot with a differential drive turns in place, and its corners stay within its \
-             cell only up to {} units; use --drive holonomic, or give narrower bodies",
+             cell only up to {} units; use --drive holonomic, or give narrower or round bodies",
             width.to_units(),
             TURNING_BODY_WIDTH_MAX.to_units()
         ));

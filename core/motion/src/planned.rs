@@ -51,8 +51,12 @@ impl PlannedMotion {
                 let plan = reordered(problem, swapped.unwrap_or(plan), &motion);
                 (Self::Paths(motion), plan)
             }
-            // Straight lines would lead through obstacles and walls.
-            Err(error) if mode == MotionMode::Auto && surroundings.is_open() => {
+            // Straight lines would lead through obstacles and walls, and no way leads two bodies into one place.
+            Err(error)
+                if mode == MotionMode::Auto
+                    && surroundings.is_open()
+                    && !matches!(error, MotionError::BodiesOverlap(..)) =>
+            {
                 (Self::Straight(Some(error)), plan)
             }
             Err(error) => (Self::Refused(error), plan),

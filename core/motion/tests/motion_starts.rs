@@ -262,17 +262,14 @@ fn modules_that_report_docks_over_a_distance_are_no_rigid_block() {
 }
 
 #[test]
-fn a_target_off_the_lattice_is_named() {
+fn spots_on_which_bodies_overlap_are_named() {
     let problem = row(
-        &[(0.0, 0.0), (1.2, 0.0)],
+        &[(0.0, 0.0), (0.89, 0.4)],
         &[(5.0, 5.0, 0.0), (8.0, 5.0, 0.0)],
     );
     let outcome = plan(Arc::clone(&problem));
     let found = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap_err();
-    assert_eq!(
-        found.to_string(),
-        "target: spot 2 not on the unit lattice of spot 1 with a heading in quarter turns"
-    );
+    assert_eq!(found.to_string(), "target: spots 1 and 2: bodies overlap");
 }
 
 #[test]

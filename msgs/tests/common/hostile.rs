@@ -123,6 +123,7 @@ impl<'a> Writer<'a> {
                         }
                         "module_size" if !self.one_in(8) => self.put(&1.0_f64.to_le_bytes()),
                         "body_width" if !self.one_in(8) => self.put(&0.0_f64.to_le_bytes()),
+                        "body" if !self.one_in(8) => self.put(&[1]),
                         "policy" if !self.one_in(8) => {
                             let policies = ["exact", "paper", "auction", "nearest"];
                             let policy = policies[self.random.index(policies.len())];

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use formation_model::{
-    MotionMode, PlannerParameters, Policy, RawArea, RawGiven, RawGivenSpot, RawSurroundings,
-    Surroundings, Target, TargetAnnouncement,
+    BodyShape, MotionMode, PlannerParameters, Policy, RawArea, RawGiven, RawGivenSpot,
+    RawSurroundings, Surroundings, Target, TargetAnnouncement,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -28,8 +28,11 @@ pub fn surroundings() -> impl Strategy<Value = Surroundings> {
             })
     };
     let width = option::of(0.1..1.0_f64);
-    (width, vec(area(), 0..4), option::of(area())).prop_map(|(body_width, obstacles, arena)| {
+    let body = prop_oneof![Just(BodyShape::Square), Just(BodyShape::Circle)];
+    let parts = (body, width, vec(area(), 0..4), option::of(area()));
+    parts.prop_map(|(body, body_width, obstacles, arena)| {
         let raw = RawSurroundings {
+            body,
             body_width,
             obstacles,
             arena,

@@ -1,13 +1,14 @@
 //! Whether bodies meet while modules move along paths: judged from where the drives are, at every moment.
 //!
-//! A body is a square of the width that the target states, 0.9 units by default, around its module. Between two reports of its drive a module moves evenly, so two
-//! bodies whose sides lie along the axes are compared exactly over the whole time. Where one of them is turned, they are
-//! compared at 17 moments between two reports, from one to the next of which a body moves by less than its clearance. Modules that are docked to each other, directly or through others, are one body.
+//! A body is a square or a circle of the width that the target states, 0.9 units by default, around its module. Between two reports
+//! of its drive a module moves evenly, so two round bodies, and two whose sides lie along the axes, are compared exactly over the
+//! whole time. Where one of two squares is turned, they are compared at 17 moments between two reports, from one to the next of
+//! which a body moves by less than its clearance. Modules that are docked to each other, directly or through others, are one body.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use formation_model::{Area, BODY_WIDTH, MicroUnits, ModuleId, Pose, Surroundings};
+use formation_model::{Area, MicroUnits, ModuleId, Pose, Surroundings};
 
 use super::{Monitor, PlanKey, ViolationKind};
 use crate::cluster::Cluster;
@@ -116,8 +117,8 @@ impl Monitor {
             return;
         }
         let target = known.roster.target.target.as_ref();
-        let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
-        let width = width.to_units();
+        let plain = Surroundings::default();
+        let body = Body::of(target.map_or(&plain, |target| target.surroundings()));
         let mut found = Vec::new();
         let listed = known.roster.bodies.iter().map(|body| body.module);
         let others = known.members.iter().chain(&known.seen).copied();
@@ -130,7 +131,7 @@ impl Monitor {
                 continue;
             };
             let meets = match self.bodies.tracks.get(&other) {
-                None => meet(&leg, &Leg::at_rest(Duration::ZERO, leg.end, stands), width),
+                None => meet(&leg, &Leg::at_rest(Duration::ZERO, leg.end, stands), body),
                 Some(track) if track.docked.contains(&module) => false,
                 Some(track) => {
                     let rest = Leg::at_rest(track.since, leg.end, track.pose);
@@ -139,7 +140,7 @@ impl Monitor {
                         .legs
                         .iter()
                         .chain(&rest)
-                        .any(|other| meet(&leg, other, width))
+                        .any(|other| meet(&leg, other, body))
                 }
             };
             if meets {
@@ -209,8 +210,24 @@ impl Leg {
     }
 }
 
-/// Whether two bodies of a width overlap at any moment that both legs have in common.
-fn meet(one: &Leg, other: &Leg, width: f64) -> bool {
+/// What a module looks like from above.
+#[derive(Clone, Copy, Debug)]
+struct Body {
+    width: f64,
+    is_round: bool,
+}
+
+impl Body {
+    fn of(surroundings: &Surroundings) -> Self {
+        Self {
+            width: surroundings.body_width().to_units(),
+            is_round: surroundings.body().is_round(),
+        }
+    }
+}
+
+/// Whether two bodies overlap at any moment that both legs have in common.
+fn meet(one: &Leg, other: &Leg, Body { width, is_round }: Body) -> bool {
     let (begin, end) = (one.begin.max(other.begin), one.end.min(other.end));
     if begin >= end {
         return false;
@@ -220,6 +237,9 @@ fn meet(one: &Leg, other: &Leg, width: f64) -> bool {
         (first.0 - second.0, first.1 - second.1)
     };
     let (before, after) = (gap(begin), gap(end));
+    if is_round {
+        return nearest(before, after) < width - SLACK;
+    }
     if nearest(before, after) > width * std::f64::consts::SQRT_2 {
         return false;
     }
@@ -239,10 +259,11 @@ fn leaves_the_field(leg: &Leg, surroundings: &Surroundings) -> bool {
     if surroundings.is_open() {
         return false;
     }
-    let width = surroundings.body_width().to_units();
+    let Body { width, is_round } = Body::of(surroundings);
     (0..=MOMENTS).any(|moment| {
         let ((x, y), heading) = leg.pose(leg.begin + (leg.end - leg.begin) * moment / MOMENTS);
-        let reach = width / 2.0 * (heading.cos().abs() + heading.sin().abs()) - SLACK;
+        let turned = heading.cos().abs() + heading.sin().abs();
+        let reach = width / 2.0 * if is_round { 1.0 } else { turned } - SLACK;
         let (left, right, bottom, top) = (x - reach, x + reach, y - reach, y + reach);
         let ends = |area: &Area| {
             let ((from_x, from_y), (to_x, to_y)) = (area.low, area.high);
@@ -250,7 +271,12 @@ fn leaves_the_field(leg: &Leg, surroundings: &Surroundings) -> bool {
         };
         let meets = surroundings.obstacles().iter().any(|area| {
             let [from_x, from_y, to_x, to_y] = ends(area);
-            left < to_x && from_x < right && bottom < to_y && from_y < top
+            let off = (x - x.clamp(from_x, to_x)).hypot(y - y.clamp(from_y, to_y));
+            left < to_x
+                && from_x < right
+                && bottom < to_y
+                && from_y < top
+                && !(is_round && off >= reach)
         });
         let is_out = surroundings.arena().is_some_and(|area| {
             let [from_x, from_y, to_x, to_y] = ends(&area);
@@ -312,8 +338,36 @@ mod tests {
         }
     }
 
+    fn square(width: f64) -> Body {
+        Body {
+            width,
+            is_round: false,
+        }
+    }
+
     fn meet(one: &Leg, other: &Leg) -> bool {
-        super::meet(one, other, 0.9)
+        super::meet(one, other, square(0.9))
+    }
+
+    #[test]
+    fn round_bodies_pass_each_other_at_their_corners() {
+        let round = Body {
+            width: 0.9,
+            is_round: true,
+        };
+        let right = leg((0.0, 0.0, 0.0), (4.0, 0.0, 0.0));
+        let above = leg((2.0, 0.91, 0.3), (2.0, 0.91, 0.3));
+        assert!(meet(&right, &above) && !super::meet(&right, &above, round));
+        assert!(super::meet(
+            &right,
+            &leg((2.0, 0.89, 0.0), (2.0, 0.89, 0.0)),
+            round
+        ));
+        let askew = leg((0.5, -0.7, 0.0), (0.5, -0.7, 0.0));
+        let stands = leg((0.0, 0.0, 0.0), (0.0, 0.0, 0.0));
+        assert!(super::meet(&stands, &askew, round));
+        let further = leg((0.64, -0.64, 0.0), (0.64, -0.64, 0.0));
+        assert!(meet(&stands, &further) && !super::meet(&stands, &further, round));
     }
 
     #[test]
@@ -325,7 +379,7 @@ mod tests {
         assert!(!meet(&right, &leg((1.0, 0.0, 0.0), (5.0, 0.0, 0.0))));
         let ahead = leg((0.8, 0.0, 0.0), (4.8, 0.0, 0.0));
         assert!(meet(&right, &ahead));
-        assert!(!super::meet(&right, &ahead, 0.7), "narrower bodies");
+        assert!(!super::meet(&right, &ahead, square(0.7)), "narrower bodies");
     }
 
     #[test]
@@ -337,6 +391,7 @@ mod tests {
             height,
         };
         let surroundings = Surroundings::try_from(RawSurroundings {
+            body: formation_model::BodyShape::Square,
             body_width: None,
             obstacles: vec![boxed(2.0, 1.0, 1.0, 1.0)],
             arena: Some(boxed(2.0, 0.0, 6.0, 4.0)),

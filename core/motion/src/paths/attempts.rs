@@ -36,8 +36,8 @@ impl LatticeRequest<'_> {
         let mut spent = 0;
         let mut attempt = 0;
         loop {
-            let crew = self.crew(&apart);
-            let blamed = match self.attempt(&crew, target, &ready, &mut spent)? {
+            let mut crew = self.crew(&apart);
+            let blamed = match self.attempt(&mut crew, target, &ready, &mut spent)? {
                 Attempt::Blamed(blamed) => blamed,
                 Attempt::Solved(mut plan) => {
                     let names = blocks.iter().zip(&apart).filter(|(_, apart)| **apart);
@@ -54,12 +54,13 @@ impl LatticeRequest<'_> {
     /// Orders and plans the units.
     fn attempt(
         &self,
-        crew: &Crew,
+        crew: &mut Crew,
         target: (Site, Site),
         ready: &[Time],
         spent: &mut u64,
     ) -> Result<Attempt, MotionError> {
         let formation = Formation {
+            on_lattice: self,
             arena: &self.arena,
             units: &crew.units,
             ranks: &crew.ranks,
@@ -69,18 +70,29 @@ impl LatticeRequest<'_> {
             Ok(filling) => filling,
             Err(stuck) => {
                 let block = stuck.block.ok_or_else(|| {
-                    self.unreachable_for(&crew.units[stuck.unit], Obstruction::Full)
+                    let unit = &crew.units[stuck.unit];
+                    let reason = match self.exits(unit) {
+                        true => Obstruction::NoExit,
+                        false => Obstruction::Full,
+                    };
+                    self.unreachable_for(unit, reason)
                 })?;
                 return Ok(Attempt::Blamed(vec![block]));
             }
         };
+        for (unit, exit) in filling.exits.into_iter().enumerate() {
+            if let Some(exit) = exit {
+                crew.units[unit].leave_by(exit, &self.arena);
+            }
+        }
+        let crew = &*crew;
         let mut parameters = self.request.parameters;
         parameters.expansions_max = parameters.expansions_max.saturating_sub(*spent);
         let ground = Ground {
             arena: &self.arena,
             units: &crew.units,
             ready,
-            filling: &filling,
+            filling: &filling.order,
             target,
             parameters: &parameters,
         };

@@ -16,6 +16,7 @@ impl LatticeRequest<'_> {
         let reason = match failure.in_the_way {
             Some(other) => Obstruction::NoPassing(self.ids_of(&schedule.units[other])),
             // By `check_ways` there is a way; only a unit that turns needs more than that.
+            None if unit.exit.is_some() => Obstruction::NoExit,
             None => Obstruction::NoTurn,
         };
         self.unreachable_for(unit, reason)
@@ -27,14 +28,15 @@ impl LatticeRequest<'_> {
         let mut taken = self.arena.closed.clone();
         let open = Regions::new(&self.arena, &taken);
         let pinned = (0..modules.len()).filter(|&module| modules[module].pin.is_some());
-        for cell in pinned.filter_map(|module| self.arena.cell(self.starts[module])) {
+        for cell in pinned.flat_map(|module| self.cells_taken_by(module)) {
             taken[cell] = true;
         }
         let past_pinned = Regions::new(&self.arena, &taken);
         for (module, member) in modules.iter().enumerate() {
+            let on_lattice = self.spot_of[module].filter(|&spot| !self.resting.is_off[spot]);
             let ends = [
                 Some(self.starts[module]),
-                self.spot_of[module].map(|spot| self.spots[spot]),
+                on_lattice.map(|spot| self.spots[spot]),
             ];
             let [Some(start), Some(goal)] = ends.map(|site| self.arena.cell(site?)) else {
                 continue;

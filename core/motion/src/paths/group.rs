@@ -91,6 +91,8 @@ pub(super) struct Group {
     measured: Vec<Point>,
     /// If they regroup: what the body of each module sweeps.
     pub ways: Vec<Shape>,
+    /// What a module that stays covers off the lattice.
+    pub at_rest: Option<Shape>,
 }
 
 /// How far the corners of a single module's cell reach from its middle.
@@ -187,6 +189,7 @@ impl Group {
             modules,
             steps: Vec::new(),
             ways: Vec::new(),
+            at_rest: None,
         })
     }
 
@@ -203,6 +206,7 @@ impl Group {
             steps: Vec::new(),
             measured: Vec::new(),
             ways: Vec::new(),
+            at_rest: None,
         }
     }
 
@@ -223,9 +227,27 @@ impl Group {
         }
     }
 
+    /// The group turns by an angle when it has regrouped.
+    pub fn turning(self, turn: i64, radius: i64) -> Self {
+        Self {
+            turn,
+            radius,
+            ..self
+        }
+    }
+
     /// Whether its modules have to come into line with each other in their first step.
     pub fn is_askew(&self) -> bool {
         !self.measured.is_empty()
+    }
+
+    /// The heading of a module after a phase.
+    pub fn heading_after(&self, theta: i64, phase: Phase) -> i64 {
+        if phase == Phase::Regroup && self.turn != 0 {
+            theta
+        } else {
+            self.heading(theta)
+        }
     }
 
     /// The heading of a module after the turn.
@@ -295,6 +317,9 @@ impl Group {
         if !self.ways.is_empty() {
             return self.ways.clone();
         }
+        if let Some(shape) = &self.at_rest {
+            return vec![shape.clone()];
+        }
         if self.turn != 0 {
             return vec![self.circle()];
         }
@@ -306,6 +331,20 @@ impl Group {
                 Shape::square(from, HALF).moved((from, in_line))
             })
             .collect()
+    }
+
+    /// What the group covers until it is on the lattice.
+    pub fn on_the_way(&self) -> Vec<Shape> {
+        let mut all = self.bodies();
+        if self.ways.is_empty() {
+            for member in 0..self.offsets.len() {
+                let ends = [Phase::Turn, Phase::Column, Phase::Row]
+                    .map(|phase| self.position_after(member, phase));
+                let shifts = ends.windows(2).map(|ends| (ends[0], ends[1]));
+                all.extend(shifts.map(|line| Shape::square(line.0, HALF).moved(line)));
+            }
+        }
+        all
     }
 
     /// A rectangle that holds the bodies from the start until they are on the lattice.

@@ -33,6 +33,7 @@ fn improve_one(schedule: &mut Schedule, unit: usize) -> Result<bool, Stop> {
         since: body.ready,
         goal,
         latest: arrival,
+        exit_from: schedule.exit_from(unit),
     };
     let old = schedule.take_out(unit);
     let found = schedule

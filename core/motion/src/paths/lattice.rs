@@ -1,5 +1,7 @@
 //! The lattice that the target spans, and the arena: the cells of it that the motion may use.
 
+use std::cmp::Reverse;
+
 use super::rectangle::bounds;
 use super::result::{FIELD_CELLS_MAX, MotionError};
 use formation_model::turning::{Point, off_quarter};
@@ -14,59 +16,39 @@ pub(super) const FOREVER: Time = Time::MAX;
 /// A cell of the lattice: column and row, counted from the first spot's.
 pub(super) type Site = (i64, i64);
 
-/// The unit lattice on whose cells the spots lie.
+/// The unit lattice on whose cells the spots lie, or most of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lattice {
     origin: Point,
 }
 
 impl Lattice {
-    /// The lattice of the target's first spot, and the cell of each spot.
-    pub fn of(target: &Target, tolerance: MicroUnits) -> Result<(Self, Vec<Site>), MotionError> {
+    /// The lattice on which most spots lie, that of the first of equals; the cell of each spot, and which spots are off it.
+    pub fn of(target: &Target, tolerance: MicroUnits) -> (Self, Vec<Site>, Vec<bool>) {
         let spots = target.spots();
-        let origin = &spots[0];
-        let lattice = Self {
-            origin: (origin.pose.x.0, origin.pose.y.0),
+        let at = |spot: usize| Self {
+            origin: point(&spots[spot].pose),
         };
-        let sites: Vec<Site> = spots
-            .iter()
-            .map(|spot| lattice.site(point(&spot.pose)))
-            .collect();
-        let off: Vec<_> = spots
-            .iter()
-            .zip(&sites)
-            .filter(|(spot, site)| {
-                let centre = lattice.point(**site);
-                (spot.pose.x.0 - centre.0).abs() > tolerance.0
-                    || (spot.pose.y.0 - centre.1).abs() > tolerance.0
-                    || off_quarter(spot.pose.theta.0).abs() > tolerance.0
-            })
-            .map(|(spot, _)| spot.id)
-            .collect();
-        if !off.is_empty() {
-            return Err(MotionError::OffLattice {
-                origin: origin.id,
-                spots: off,
-            });
-        }
-        let mut by_site: Vec<usize> = (0..spots.len()).collect();
-        by_site.sort_unstable_by_key(|&spot| (sites[spot], spot));
-        if let Some(pair) = by_site
-            .windows(2)
-            .find(|pair| sites[pair[0]] == sites[pair[1]])
-        {
-            return Err(MotionError::SharedCell(
-                spots[pair[0]].id,
-                spots[pair[1]].id,
-            ));
-        }
-        for &(first, second) in target.topology().edges() {
-            let (one, other) = (sites[first], sites[second]);
-            if (one.0 - other.0).abs() + (one.1 - other.1).abs() != 1 {
-                return Err(MotionError::LongEdge(spots[first].id, spots[second].id));
-            }
-        }
-        Ok((lattice, sites))
+        let is_on = |lattice: &Self, pose: &Pose| {
+            let centre = lattice.point(lattice.site(point(pose)));
+            (pose.x.0 - centre.0).abs() <= tolerance.0
+                && (pose.y.0 - centre.1).abs() <= tolerance.0
+                && off_quarter(pose.theta.0).abs() <= tolerance.0
+        };
+        let count = |lattice: &Self| {
+            let on = spots.iter().filter(|spot| is_on(lattice, &spot.pose));
+            on.count()
+        };
+        let first = at(0);
+        let lattice = if count(&first) == spots.len() {
+            first
+        } else {
+            let all = (0..spots.len()).map(|spot| (count(&at(spot)), Reverse(spot)));
+            all.max().map_or(first, |(_, Reverse(spot))| at(spot))
+        };
+        let sites = spots.iter().map(|spot| lattice.site(point(&spot.pose)));
+        let is_off = spots.iter().map(|spot| !is_on(&lattice, &spot.pose));
+        (lattice, sites.collect(), is_off.collect())
     }
 
     /// The cell under a point; a point between two cells falls to the one with the larger coordinate.

@@ -4,15 +4,16 @@ use std::collections::BTreeSet;
 
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time};
-use super::rectangle::{Rectangle, bounds};
+use super::rectangle::{Rectangle, bounds, overlap};
+use super::resting::{AtRest, Form, RestingBodies, cells_under, rigid_cells};
 use super::result::{MotionError, MotionRequest, StartFault};
 use super::schedule::NO_UNIT;
 use super::shape::Shape;
 use super::start::align;
-use super::units::Unit;
+use super::units::{Unit, split};
 use super::waits::aligners;
-use formation_model::turning::quarters;
-use formation_model::{ModuleId, Pose, Surroundings};
+use formation_model::turning::{Point, quarters};
+use formation_model::{Area, ModuleId, Pose, Surroundings};
 
 /// Paths lead around what lies this many cells or fewer from the starts and spots.
 const DETOUR: i64 = 64;
@@ -42,8 +43,12 @@ const BLOCK_MARGIN: i64 = 8;
 pub(super) struct LatticeRequest<'a> {
     pub request: &'a MotionRequest<'a>,
     pub lattice: Lattice,
-    /// The cell of each spot.
+    /// The cell of each spot, or under it.
     pub spots: Vec<Site>,
+    /// How bodies rest on the spots.
+    pub resting: RestingBodies,
+    /// Which modules stand on their spots off the lattice and are not pinned.
+    stands: Vec<bool>,
     /// The spot of each module, by positions.
     pub spot_of: Vec<Option<usize>>,
     pub groups: Vec<Group>,
@@ -71,8 +76,10 @@ impl<'a> LatticeRequest<'a> {
     /// Checks target and starts.
     pub fn new(request: &'a MotionRequest<'a>) -> Result<Self, MotionError> {
         let problem = request.problem;
-        let (lattice, spots) = Lattice::of(problem.target(), request.parameters.tolerance)?;
         let target = problem.target();
+        let (lattice, spots, is_off) = Lattice::of(target, request.parameters.tolerance);
+        let form = Form::of(target, request.parameters.tolerance);
+        let resting = RestingBodies::of(target, &lattice, &spots, is_off, form)?;
         let spot_of: Vec<Option<usize>> = problem
             .modules()
             .iter()
@@ -95,9 +102,14 @@ impl<'a> LatticeRequest<'a> {
                 .map(|&module| pose_of(module).filter(|_| is_unit))
                 .collect()
         };
+        let stands = resting.standing(problem, &spot_of);
         let tolerance = request.parameters.tolerance;
         let is_open = |rectangle: &Rectangle| request.is_open(rectangle);
-        let groups = align(problem, &lattice, tolerance, whole, is_open);
+        let rest = AtRest {
+            bodies: &resting,
+            stands: &stands,
+        };
+        let groups = align(problem, &lattice, &rest, tolerance, whole, is_open);
         let groups = groups.map_err(MotionError::Starts)?;
         let mut group_of = vec![0; problem.modules().len()];
         let mut starts = vec![(0, 0); problem.modules().len()];
@@ -121,6 +133,8 @@ impl<'a> LatticeRequest<'a> {
             aligners: aligners(&groups, &lattice, &arena),
             lattice,
             spots,
+            resting,
+            stands,
             spot_of,
             groups,
             group_of,
@@ -147,7 +161,8 @@ impl<'a> LatticeRequest<'a> {
             let is_open = |shape: Shape| self.request.is_open(&shape.bounds());
             let reaches = !swept.into_iter().all(is_open);
             for &module in &group.modules {
-                if reaches || self.is_closed(self.starts[module]) {
+                let stays = group.at_rest.is_some();
+                if !stays && (reaches || self.is_closed(self.starts[module])) {
                     covered.insert(problem.modules()[module].id);
                 }
             }
@@ -157,10 +172,72 @@ impl<'a> LatticeRequest<'a> {
             return Err(MotionError::Starts(faults));
         }
         let mut taken = self.spot_of.iter().flatten();
-        match taken.find(|&&spot| self.is_closed(self.spots[spot])) {
+        let is_covered = |spot: usize| match self.resting.is_off[spot] {
+            true => !self.is_clear_of_obstacles(&self.resting.at(problem.target(), spot)),
+            false => self.is_closed(self.spots[spot]),
+        };
+        match taken.find(|&&spot| is_covered(spot)) {
             Some(&spot) => Err(MotionError::CoveredSpot(problem.target().spots()[spot].id)),
             None => Ok(()),
         }
+    }
+
+    /// Whether a shape is clear of obstacles and within the walls.
+    pub fn is_clear_of_obstacles(&self, shape: &Shape) -> bool {
+        let (request, slack) = (self.request, self.resting.form.tolerance);
+        let bounds = shape.bounds();
+        let mut near = request
+            .obstacles
+            .iter()
+            .filter(|area| overlap(&bounds, &area.corners(), slack));
+        let is_within = |walls: &Area| {
+            let (low, high) = walls.corners();
+            let is_inside =
+                |low: Point, high: Point| low.0 <= high.0 + slack && low.1 <= high.1 + slack;
+            is_inside(low, bounds.0) && is_inside(bounds.1, high)
+        };
+        request.walls.iter().all(is_within)
+            && !near.any(|area| shape.overlaps(&Shape::rectangle(area.corners()), slack))
+    }
+
+    /// The heading of a module that has come onto the lattice.
+    pub fn heading(&self, module: usize) -> i64 {
+        let start = self.request.problem.modules()[module].pose.theta.0;
+        self.groups[self.group_of[module]].heading(start)
+    }
+
+    /// The cells that a spot takes from others.
+    fn cells_of_spot(&self, spot: usize) -> Vec<usize> {
+        if !self.resting.is_off[spot] {
+            return self.arena.cell(self.spots[spot]).into_iter().collect();
+        }
+        let body = self.resting.cell_at(self.request.problem.target(), spot);
+        cells_under(
+            &body,
+            &self.lattice,
+            &self.arena,
+            self.resting.form.tolerance,
+        )
+    }
+
+    /// The cells that a pinned module takes from others.
+    pub fn cells_taken_by(&self, module: usize) -> Vec<usize> {
+        let spot = self.spot_of[module];
+        spot.map_or_else(Vec::new, |spot| self.cells_of_spot(spot))
+    }
+
+    /// The cells that a unit takes from others when it rests on its spots.
+    pub fn cells_at_rest(&self, unit: &Unit) -> Vec<usize> {
+        let cells = self
+            .spots_of(unit)
+            .flat_map(|spot| self.cells_of_spot(spot));
+        let cells: BTreeSet<usize> = cells.collect();
+        cells.into_iter().collect()
+    }
+
+    /// Whether an exit leads a unit to its spots.
+    pub fn exits(&self, unit: &Unit) -> bool {
+        !unit.stays && self.spots_of(unit).any(|spot| self.resting.is_off[spot])
     }
 
     /// When a step into each cell may begin.
@@ -198,7 +275,8 @@ impl<'a> LatticeRequest<'a> {
         partition.extend(singles.map(|module| vec![module]));
         partition.sort_unstable();
         let units = partition.into_iter().map(|modules| self.unit(modules));
-        let units: Vec<Unit> = units.collect();
+        let mut units: Vec<Unit> = units.collect();
+        self.rest_staying(&mut units);
         let mut unit_at = vec![NO_UNIT; self.spots.len()];
         for (index, unit) in units.iter().enumerate() {
             for spot in self.spots_of(unit) {
@@ -229,18 +307,65 @@ impl<'a> LatticeRequest<'a> {
         }
     }
 
+    /// Units that stay off the lattice hold all cells that they reach into; one that two reach into is held by the first.
+    fn rest_staying(&self, units: &mut [Unit]) {
+        let mut held = BTreeSet::new();
+        for unit in units.iter_mut().filter(|unit| unit.stays) {
+            let cells = self.cells_at_rest(unit);
+            if self.spots_of(unit).any(|spot| self.resting.is_off[spot]) {
+                let own: Vec<usize> = cells
+                    .iter()
+                    .copied()
+                    .filter(|cell| !held.contains(cell))
+                    .collect();
+                unit.rest_on(&own, &self.arena);
+            }
+            held.extend(cells);
+        }
+    }
+
     fn unit(&self, modules: Vec<usize>) -> Unit {
         let starts: Vec<Site> = modules.iter().map(|&module| self.starts[module]).collect();
-        let goals: Option<Vec<Site>> = modules
-            .iter()
-            .map(|&module| self.spot_of[module].map(|spot| self.spots[spot]))
-            .collect();
+        let spots: Option<Vec<usize>> =
+            modules.iter().map(|&module| self.spot_of[module]).collect();
+        let spots = spots.unwrap_or_default();
+        let is_off = spots.iter().any(|&spot| self.resting.is_off[spot]);
+        let stands = modules.iter().all(|&module| self.stands[module]);
+        let goals = match is_off {
+            _ if spots.is_empty() || stands => None,
+            true => self.cells_before_exit(&spots),
+            false => Some(spots.iter().map(|&spot| self.spots[spot]).collect()),
+        };
         let first = modules[0];
         let turns = modules.iter().any(|&module| self.turns(module));
+        let turns = turns && !(is_off && modules.len() == 1);
         let mut unit = Unit::new(modules, &starts, goals.as_deref(), turns, &self.arena);
+        if self.resting.form.is_round {
+            unit.turn_within_cell(&self.arena);
+        }
+        if is_off && unit.goal.is_none() {
+            // It folds on its exit.
+            let (_, middle) = split(&self.arena, unit.start);
+            let under = self.arena.cell(self.spots[spots[0]]);
+            unit.goal = Some(under.unwrap_or(middle));
+        }
         unit.ready = self.groups[self.group_of[first]].ready();
         unit.pinned = self.request.problem.modules()[first].pin.is_some();
+        unit.stays = unit.pinned || stands;
+        if stands {
+            unit.goal = Some(unit.start);
+        }
         unit
+    }
+
+    /// The cells near spots off the lattice on which a unit is laid out as on them; none if they are on no common lattice.
+    fn cells_before_exit(&self, spots: &[usize]) -> Option<Vec<Site>> {
+        let poses = spots
+            .iter()
+            .map(|&spot| self.request.problem.target().spots()[spot].pose);
+        let cells = rigid_cells(&poses.collect::<Vec<_>>())?;
+        let (x, y) = self.spots[spots[0]];
+        Some(cells.iter().map(|cell| (x + cell.0, y + cell.1)).collect())
     }
 
     /// Whether a module that has come onto the lattice has to turn for its spot.

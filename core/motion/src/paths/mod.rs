@@ -5,7 +5,7 @@
 //! end of the step out of it. A block that changes its layout folds within a disc that no other unit enters.
 //!
 //! [`plan_motion`] brings all modules from their real poses onto the lattice (`start`, `regroup`), orders the units by taking the
-//! finished formation apart (`order`), and plans them one after another in that order (`docking`): units in the way
+//! finished formation apart (`order`), finds how they leave the lattice (`exits`), and plans them one after another in that order (`docking`): units in the way
 //! make way (`make_way`), those that a unit would cut off from their spots change sides before (`parts`), and each move is timed
 //! between the reservations of the others (`sipp`, `table`). Then each path is improved with all others fixed (`improve`). What
 //! is executed is not the times but the waits (`waits`): a step begins when the units that hold its cells before have left them,
@@ -16,6 +16,8 @@
 mod attempts;
 mod diagnose;
 mod docking;
+mod exit;
+mod exits;
 mod fit;
 mod group;
 mod improve;
@@ -28,6 +30,7 @@ mod parts;
 mod rectangle;
 mod regions;
 mod regroup;
+mod resting;
 mod result;
 mod route;
 mod schedule;

@@ -76,14 +76,14 @@ impl Draft<'_> {
         let schedule = &self.solution.schedule;
         let arena = &self.on_lattice.arena;
         let mut solid = arena.closed.clone();
-        for unit in schedule.units.iter().filter(|unit| unit.pinned) {
+        for unit in schedule.units.iter().filter(|unit| unit.stays) {
             for cell in unit.cells(arena, unit.start) {
                 solid[cell] = true;
             }
         }
         let mut routes = Routes::new(node_count(schedule.units, arena));
         let mut steps = |unit: &Unit| {
-            let goal = unit.goal.filter(|_| !unit.pinned)?;
+            let goal = unit.goal.filter(|_| !unit.stays)?;
             let errand = Errand {
                 arena,
                 unit,
@@ -166,7 +166,10 @@ impl Draft<'_> {
             time: 0,
         }];
         waypoints.extend(group.steps.iter().map(|step| Waypoint {
-            pose: pose(group.position_after(in_group, step.phase), heading),
+            pose: pose(
+                group.position_after(in_group, step.phase),
+                group.heading_after(start.theta.0, step.phase),
+            ),
             time: step.begin + 1,
         }));
         waypoints.extend(schedule.paths[unit].iter().map(|entry| Waypoint {
@@ -209,6 +212,9 @@ fn pose_at(
     member: usize,
     (heading, goal): (i64, i64),
 ) -> Pose {
+    if let Some(step) = body.exit_step(schedule.arena, node) {
+        return step.poses[member];
+    }
     let (layout, cell) = split(schedule.arena, node);
     let (x, y) = schedule.arena.site(cell);
     let at = |layout: usize| {
@@ -216,7 +222,7 @@ fn pose_at(
         lattice.point((x + right, y + up))
     };
     if body.is_disc(schedule.arena, node) {
-        let (from, to) = (at(0), at(body.layouts.len() - 1));
+        let (from, to) = (at(0), at(body.last_on_lattice()));
         let middle = (from.0.midpoint(to.0), from.1.midpoint(to.1));
         return pose(middle, shortest(heading + shortest(goal - heading) / 2));
     }
@@ -246,7 +252,9 @@ fn steps(schedule: &Schedule, unit: usize, group: &Group, lattice: &Lattice) -> 
         let folds = [before, entry.node]
             .into_iter()
             .find(|&node| body.is_disc(schedule.arena, node));
+        let exit = body.exit_step(schedule.arena, entry.node);
         let kind = match folds {
+            _ if exit.is_some() => exit.map_or(StepKind::Shift, |step| step.kind),
             Some(node) => {
                 let (_, cell) = split(schedule.arena, node);
                 let quarters = i128::from(body.disc) * i128::from(MICRO_PER_UNIT / 2).pow(2);

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use super::group::Group;
 use super::lattice::{Lattice, Site, point};
 use super::rectangle::{HALF, Rectangle};
+use super::resting::Form;
 use super::result::StartFault;
 use super::shape::Shape;
 use formation_model::turning::off_quarter;
@@ -18,6 +19,7 @@ const FAR: i64 = 2;
 pub(super) struct RegroupingGround<'a, Open> {
     problem: &'a PlanningProblem,
     lattice: &'a Lattice,
+    form: Form,
     slack: i64,
     is_open: Open,
     /// What the modules of a group cover, and which they are.
@@ -29,13 +31,14 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
     /// Without any modules. `is_open` says whether a rectangle is free of obstacles and within the walls.
     pub fn new(
         problem: &'a PlanningProblem,
-        lattice: &'a Lattice,
+        (lattice, form): (&'a Lattice, Form),
         slack: i64,
         is_open: Open,
     ) -> Self {
         Self {
             problem,
             lattice,
+            form,
             slack,
             is_open,
             covered: Vec::new(),
@@ -66,6 +69,10 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
         let pose = &self.problem.modules()[module].pose;
         let middle = point(pose);
         let off = off_quarter(pose.theta.0);
+        if self.form.is_round {
+            let circle = Shape::circle(middle, HALF);
+            return (circle.clone(), circle);
+        }
         if off.abs() <= self.slack {
             let cell = Shape::square(middle, HALF);
             return (cell.clone(), cell);
@@ -92,6 +99,11 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
     /// A group of docked modules that each go to a cell of their own, near them and free of other bodies. Within the group,
     /// bodies may pass over each other as they do in a fold.
     pub fn regroup(&self, modules: Vec<usize>) -> Result<Group, StartFault> {
+        if let [module] = modules[..]
+            && let Some(group) = self.entry(module)
+        {
+            return Ok(group);
+        }
         let is_free = |site: &Site| {
             let cell = Shape::square(self.lattice.point(*site), HALF);
             !self.taken.contains(site) && self.is_clear(&modules, &cell)
@@ -116,6 +128,33 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
         let ways = ways.map(|(&module, &site)| self.way(module, site));
         let ways = ways.collect();
         Ok(Group::regrouped(modules, &sites, ways, self.lattice))
+    }
+}
+
+/// A module that is turned against the lattice shifts to a cell as it is, and turns there.
+impl<Open: Fn(&Rectangle) -> bool> RegroupingGround<'_, Open> {
+    fn entry(&self, module: usize) -> Option<Group> {
+        let pose = &self.problem.modules()[module].pose;
+        let turn = -off_quarter(pose.theta.0);
+        if self.form.is_round || turn.abs() <= self.slack {
+            return None;
+        }
+        let (from, body) = (point(pose), self.body(module).0);
+        let modules = [module];
+        let mut sites = near(pose, self.lattice);
+        sites.find_map(|site| {
+            let to = self.lattice.point(site);
+            let way = body.clone().moved((from, to));
+            let circle = Shape::circle(to, self.form.reach(HALF));
+            let is_clear = !self.taken.contains(&site)
+                && self.is_clear(&modules, &circle)
+                && self.is_clear(&modules, &way);
+            is_clear.then(|| {
+                let ways = vec![way, circle];
+                Group::regrouped(modules.into(), &[site], ways, self.lattice)
+                    .turning(turn, self.form.reach(HALF))
+            })
+        })
     }
 }
 

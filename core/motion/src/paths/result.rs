@@ -20,7 +20,7 @@ pub struct MotionParameters {
     pub improvement_passes: u32,
     /// The largest number of units for which the eager variant is planned as well.
     pub eager_units_max: usize,
-    /// How far a spot may be off its place on a lattice, and a module that needs no step onto it, in units or radians.
+    /// How far a spot may be off the lattice before an exit leads to it, and a module that needs no step onto it, in units or radians.
     pub tolerance: MicroUnits,
 }
 
@@ -94,23 +94,9 @@ impl StartFault {
 /// Why there is no motion plan.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum MotionError {
-    /// The target is not on a unit lattice.
-    #[error(
-        "target: {} not on the unit lattice of {origin} with a heading in quarter turns",
-        listed(spots)
-    )]
-    OffLattice {
-        /// The spot whose pose spans the lattice.
-        origin: SpotId,
-        /// The spots that are off it, ascending.
-        spots: Vec<SpotId>,
-    },
-    /// Two spots of the target share a cell.
-    #[error("target: {0} and {1} share a cell")]
-    SharedCell(SpotId, SpotId),
-    /// An edge of the target joins spots that are not side by side.
-    #[error("target: {0} and {1} are joined but not on adjacent cells")]
-    LongEdge(SpotId, SpotId),
+    /// Two spots are so near to each other that bodies on them overlap.
+    #[error("target: spots {} and {}: bodies overlap", .0.0, .1.0)]
+    BodiesOverlap(SpotId, SpotId),
     /// Some modules do not start in a way that lets them move without contact.
     #[error("starts: {}", faults_listed(.0))]
     Starts(Vec<StartFault>),
@@ -140,8 +126,8 @@ impl MotionError {
     #[must_use]
     pub fn cure(&self) -> &'static str {
         match self {
-            Self::OffLattice { .. } | Self::SharedCell(..) | Self::LongEdge(..) => {
-                "put each spot on a cell of its own of one lattice of units, with headings in quarter turns"
+            Self::BodiesOverlap(..) => {
+                "move these spots apart, or make bodies narrower (`body_width`) or round (`body: circle`)"
             }
             Self::Starts(faults)
                 if faults
@@ -183,6 +169,9 @@ pub enum Obstruction {
     /// The unit has to turn, and no place on its path has room for that.
     #[error("no room to turn on the path")]
     NoTurn,
+    /// Its spots are off the lattice, and bodies, obstacles or walls leave no way from a cell near them.
+    #[error("no way from the lattice onto it")]
+    NoExit,
     /// Spots that are taken fill all that is free there, so no module can move.
     #[error("the spots leave no cell free")]
     Full,

@@ -72,7 +72,7 @@ impl Routes {
             }
             self.expansions += 1;
             let (layout, cell) = split(arena, node);
-            if !unit.is_disc(arena, node) {
+            if unit.may_step(arena, node) {
                 for (direction, next) in arena.neighbours(cell).enumerate() {
                     let leading = unit.layouts[layout].leading[direction].iter();
                     let total = leading

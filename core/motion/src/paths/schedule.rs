@@ -83,7 +83,7 @@ impl<'a> Schedule<'a> {
                 };
                 schedule.table.hold(cell, visit);
             }
-            if unit.pinned {
+            if unit.stays {
                 schedule.settle(index);
             }
         }
@@ -115,6 +115,14 @@ impl<'a> Schedule<'a> {
         self.paths[unit]
             .last()
             .map_or(self.units[unit].ready, |entry| entry.begin + 1)
+    }
+
+    /// When the bodies rest past which the exit of a unit leads.
+    pub fn exit_from(&self, unit: usize) -> Time {
+        let exit = self.units[unit].exit.iter();
+        let others = exit.flat_map(|exit| &exit.after);
+        let rest = others.map(|&other| self.since(other));
+        rest.max().unwrap_or_default()
     }
 
     /// The cells of a unit at the end of the plan so far.
@@ -156,6 +164,7 @@ impl<'a> Schedule<'a> {
                     since: self.since(unit),
                     goal,
                     latest: FOREVER - 1,
+                    exit_from: self.exit_from(unit),
                 };
                 self.sipp.path(self.arena, self.units, &self.table, &query)
             }
@@ -196,7 +205,8 @@ impl<'a> Schedule<'a> {
             let free = body
                 .cells(arena, node)
                 .map(|cell| self.table.free_from(cell, unit));
-            let begin = free.max().unwrap_or_default().max(time);
+            let exit_from = body.exit_step(arena, node).map(|_| self.exit_from(unit));
+            let begin = free.max().max(exit_from).unwrap_or_default().max(time);
             path.push(Entry { node, begin });
             time = begin + 1;
         }

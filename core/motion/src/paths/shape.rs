@@ -16,6 +16,14 @@ impl Shape {
         Self::turned_square(middle, half, 0)
     }
 
+    /// A rectangle with sides along the axes.
+    pub fn rectangle((low, high): Rectangle) -> Self {
+        Self {
+            points: vec![low, (high.0, low.1), high, (low.0, high.1)],
+            radius: 0,
+        }
+    }
+
     /// A square whose sides are at this angle to the axes.
     pub fn turned_square((x, y): Point, half: i64, angle: i64) -> Self {
         let corners = [(half, half), (-half, half), (-half, -half), (half, -half)];

@@ -28,6 +28,8 @@ pub(super) struct Query {
     pub goal: Node,
     /// The last step ends no later than this.
     pub latest: Time,
+    /// The exit, if the unit has one, begins no earlier than this.
+    pub exit_from: Time,
 }
 
 struct Interval {
@@ -167,7 +169,7 @@ impl Sipp {
     fn expand(&mut self, scene: Scene, node: Node, state: State) {
         let Scene { arena, unit, .. } = scene;
         let (_, cell) = split(arena, node);
-        if !unit.is_disc(arena, node) {
+        if unit.may_step(arena, node) {
             let base = node - cell;
             for next in arena.neighbours(cell) {
                 self.extend(scene, state, base + next);
@@ -245,7 +247,10 @@ impl Sipp {
         let first = u32::try_from(self.intervals.len()).unwrap_or(u32::MAX);
         if unit.cells(arena, node).all(|cell| !arena.closed[cell]) {
             self.busy.clear();
-            let mut from = query.since;
+            let mut from = match unit.exit_step(arena, node) {
+                Some(_) => query.since.max(query.exit_from),
+                None => query.since,
+            };
             for cell in unit.cells(arena, node) {
                 from = from.max(table.ready(cell));
                 let visits = table.visits(cell);
@@ -256,7 +261,7 @@ impl Sipp {
                 self.busy
                     .extend(others.map(|visit| (visit.from, visit.until)));
             }
-            if !unit.is_simple() {
+            if !unit.holds_one_cell() {
                 self.busy.sort_unstable();
             }
             for &(begin, until) in &self.busy {

@@ -13,12 +13,13 @@
 
 use super::group::{Alignment, Exactness, Group, Phase};
 use super::lattice::{Lattice, point};
-use super::rectangle::{Rectangle, overlap, square};
+use super::rectangle::{HALF, Rectangle, overlap, square};
 use super::regroup::RegroupingGround;
+use super::resting::{AtRest, slack};
 use super::result::StartFault;
 use super::shape::Shape;
 use formation_model::turning::Point;
-use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
+use formation_model::{MicroUnits, PlanningProblem, Pose};
 
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
@@ -28,21 +29,25 @@ use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 pub(super) fn align(
     problem: &PlanningProblem,
     lattice: &Lattice,
+    resting: &AtRest,
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
 ) -> Result<Vec<Group>, Vec<StartFault>> {
-    let body_width = problem.target().surroundings().body_width().0;
-    let slack = ((MICRO_PER_UNIT - body_width) / 3).max(tolerance.0);
+    let slack = slack(problem, tolerance.0);
     let exactness = Exactness {
         tolerance: tolerance.0,
         slack,
     };
-    let (mut groups, mut faults) = groups_of(problem, lattice, exactness, spots_of, is_open);
+    let (mut groups, mut faults) =
+        groups_of(problem, (lattice, resting), exactness, spots_of, is_open);
     groups.sort_by_key(|group| group.modules[0]);
     for group in &mut groups {
         if !group.ways.is_empty() {
             group.steps = vec![Alignment::at_once(Phase::Regroup)];
+            if group.turn != 0 {
+                group.steps.push(Alignment::at_once(Phase::Turn));
+            }
             continue;
         }
         let moves = [
@@ -75,7 +80,7 @@ pub(super) fn align(
 /// The groups, and what keeps modules from being in one.
 fn groups_of(
     problem: &PlanningProblem,
-    lattice: &Lattice,
+    (lattice, resting): (&Lattice, &AtRest),
     exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
@@ -90,16 +95,18 @@ fn groups_of(
         for &module in &modules {
             is_grouped[module] = true;
         }
-        bodies.push(modules);
+        if modules.iter().any(|&module| !resting.stands[module]) {
+            bodies.push(modules);
+        }
     }
-    for (module, member) in problem.modules().iter().enumerate() {
-        if let Some(spot) = member.pin.and_then(|pin| problem.target().spot(pin)) {
-            let site = lattice.site(point(&spot.pose));
-            groups.push(Group::standing(module, site, lattice));
-        } else if !is_grouped[module] {
+    for (module, is_grouped) in is_grouped.into_iter().enumerate() {
+        if let Some(group) = staying(problem, lattice, resting, module) {
+            groups.push(group);
+        } else if !is_grouped {
             bodies.push(vec![module]);
         }
     }
+    let is_round = resting.bodies.form.is_round;
     let mut loose = Vec::new();
     for modules in bodies {
         let spots = spots_of(&modules);
@@ -110,13 +117,18 @@ fn groups_of(
             lattice,
             exactness,
         ) {
-            Some(group) => groups.push(group),
+            Some(mut group) => {
+                if is_round && group.modules.len() == 1 {
+                    group.radius = HALF;
+                }
+                groups.push(group);
+            }
             None => loose.push((modules, None)),
         }
     }
     let cramped: Vec<bool> = groups
         .iter()
-        .map(|group| is_cramped(problem, group, &groups, exactness.slack))
+        .map(|group| is_cramped(problem, group, &groups, is_round, exactness.slack))
         .collect();
     let (cramped, rest): (Vec<_>, Vec<_>) = groups
         .into_iter()
@@ -125,7 +137,12 @@ fn groups_of(
     let cramped = cramped.into_iter().map(|(group, _)| group);
     loose.extend(cramped.map(|group| (group.modules.clone(), Some(group))));
     let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
-    let mut ground = RegroupingGround::new(problem, lattice, exactness.slack, is_open);
+    let mut ground = RegroupingGround::new(
+        problem,
+        (lattice, resting.bodies.form),
+        exactness.slack,
+        is_open,
+    );
     for group in &groups {
         ground.take(group);
     }
@@ -146,16 +163,45 @@ fn groups_of(
     (groups, faults)
 }
 
-/// Whether a body whose members were halted at different moments lacks the room to come into line.
-fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack: i64) -> bool {
-    if !group.is_askew() {
+/// A module that stays where it is: it is pinned, or stands on its spot off the lattice.
+fn staying(
+    problem: &PlanningProblem,
+    lattice: &Lattice,
+    resting: &AtRest,
+    module: usize,
+) -> Option<Group> {
+    let member = &problem.modules()[module];
+    if resting.stands[module] {
+        let mut group = Group::standing(module, lattice.site(point(&member.pose)), lattice);
+        group.at_rest = Some(resting.bodies.form.cell_at(&member.pose));
+        return Some(group);
+    }
+    let spot = problem.target().position_of(member.pin?)?;
+    let pose = &problem.target().spots()[spot].pose;
+    let mut group = Group::standing(module, lattice.site(point(pose)), lattice);
+    let is_off = resting.bodies.is_off[spot];
+    group.at_rest = is_off.then(|| resting.bodies.cell_at(problem.target(), spot));
+    Some(group)
+}
+
+/// Whether a body lacks the room to come onto the lattice, as one next to a body that rests off it and a round one may, or into
+/// line, as one whose members were halted at different moments may.
+fn is_cramped(
+    problem: &PlanningProblem,
+    group: &Group,
+    groups: &[Group],
+    is_round: bool,
+    slack: i64,
+) -> bool {
+    if group.at_rest.is_some() {
         return false;
     }
     let around = group.surroundings();
-    let mut near = groups.iter().filter(|other| {
+    let near = groups.iter().filter(|other| {
         other.modules != group.modules && overlap(&around, &other.surroundings(), 0)
     });
-    near.any(|other| not_apart(problem, group, other, slack).is_some())
+    near.filter(|other| is_round || group.is_askew() || other.at_rest.is_some())
+        .any(|other| not_apart(problem, group, other, slack).is_some())
 }
 
 /// The pairs of groups whose surroundings overlap, lower first.
@@ -186,6 +232,19 @@ fn not_apart(
     slack: i64,
 ) -> Option<StartFault> {
     let id = |group: &Group, member: usize| problem.modules()[group.modules[member]].id;
+    for (group, standing) in [(one, other), (other, one)] {
+        let Some(body) = &standing.at_rest else {
+            continue;
+        };
+        let is_clear = group.at_rest.is_some()
+            || !group
+                .on_the_way()
+                .iter()
+                .any(|shape| shape.overlaps(body, slack));
+        let (first, second) = (id(group, 0), id(standing, 0));
+        let fault = StartFault::NotApart(first.min(second), first.max(second));
+        return (!is_clear).then_some(fault);
+    }
     let (bodies, neighbours) = (one.bodies(), other.bodies());
     let mut all = (0..bodies.len())
         .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));

@@ -1,5 +1,6 @@
 //! Units, their layouts and the discs in which blocks fold.
 
+use super::exit::{Exit, ExitStep};
 use super::lattice::{Arena, Site, Time, nearest_to_all, reach};
 
 /// A place of a unit: a layout and the cell under the middle of it, as one number.
@@ -7,10 +8,22 @@ use super::lattice::{Arena, Site, Time, nearest_to_all, reach};
 /// The number is `layout * area + cell`, so that the nodes of a single module are the cells.
 pub(super) type Node = usize;
 
+/// What a unit does in a layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// It may step to the next cell.
+    Place,
+    /// It folds.
+    Disc,
+    /// It leaves the lattice, or rests off it.
+    Exit,
+}
+
 /// The cells of a unit around its middle.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Where each member stands; empty for a disc.
+    stage: Stage,
+    /// Where each member stands; empty for a disc and an exit.
     pub sites: Vec<Site>,
     /// All cells that the unit holds, as differences of indices.
     pub cells: Vec<isize>,
@@ -21,7 +34,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    fn new(sites: Vec<Site>, held: &[Site], arena: &Arena) -> Self {
+    fn new(stage: Stage, sites: Vec<Site>, held: &[Site], arena: &Arena) -> Self {
         let row = arena.width.cast_signed();
         let index = |&(x, y): &Site| {
             let of = |along: i64| isize::try_from(along).unwrap_or_default();
@@ -38,6 +51,19 @@ impl Layout {
             leading,
             extent: super::rectangle::bounds(held),
             sites,
+            stage,
+        }
+    }
+
+    /// A part of an exit in which a unit holds these cells.
+    fn exit(cells: &[usize], middle: usize) -> Self {
+        let from_middle = |cell: &usize| cell.cast_signed() - middle.cast_signed();
+        Self {
+            stage: Stage::Exit,
+            sites: Vec::new(),
+            cells: cells.iter().map(from_middle).collect(),
+            leading: Default::default(),
+            extent: ((0, 0), (0, 0)),
         }
     }
 
@@ -64,10 +90,11 @@ pub(super) struct Unit {
     /// When it is on the lattice.
     pub ready: Time,
     pub pinned: bool,
+    /// Whether it never moves: it is pinned, or stands on its spots off the lattice already.
+    pub stays: bool,
+    /// Its way off the lattice, if its spots lie there.
+    pub exit: Option<Exit>,
 }
-
-/// The index of the disc among the layouts of a unit that folds.
-pub(super) const DISC: usize = 1;
 
 impl Unit {
     /// A unit with its start cells and, if it has spots, theirs, in the order of its modules. The cells must lie in the
@@ -94,18 +121,21 @@ impl Unit {
         let mut unit = Self {
             start: node(starts),
             goal: goals.map(node),
-            layouts: vec![Layout::new(first.clone(), &first, arena)],
+            layouts: vec![Layout::new(Stage::Place, first.clone(), &first, arena)],
             disc: reach,
             modules,
             ready: 0,
             pinned: false,
+            stays: false,
+            exit: None,
         };
         if let Some(goals) = goals {
             let last = around(goals, middle);
             if last != first || turns {
                 let disc = disc_cells(reach);
-                unit.layouts.push(Layout::new(Vec::new(), &disc, arena));
-                unit.layouts.push(Layout::new(last.clone(), &last, arena));
+                let disc = Layout::new(Stage::Disc, Vec::new(), &disc, arena);
+                let last = Layout::new(Stage::Place, last.clone(), &last, arena);
+                unit.layouts.extend([disc, last]);
                 unit.goal = Some(2 * arena.area() + node(goals));
             }
         }
@@ -116,9 +146,63 @@ impl Unit {
         self.modules.len() > 1
     }
 
-    /// Whether it is a single module that holds one cell wherever it is.
+    /// Whether it is a single module that holds one cell wherever it is on the lattice.
     pub fn is_simple(&self) -> bool {
+        let next = self.layouts.get(1);
+        self.modules.len() == 1 && next.is_none_or(|next| next.stage == Stage::Exit)
+    }
+
+    /// Whether it holds one cell at each of its nodes.
+    pub fn holds_one_cell(&self) -> bool {
         self.modules.len() == 1 && self.layouts.len() == 1
+    }
+
+    /// A single round module turns within its own cell.
+    pub fn turn_within_cell(&mut self, arena: &Arena) {
+        if let [_, disc, _] = &mut self.layouts[..]
+            && self.modules.len() == 1
+        {
+            *disc = Layout::new(Stage::Disc, Vec::new(), &[(0, 0)], arena);
+            self.disc = 1;
+        }
+    }
+
+    /// A unit that stays rests off the lattice and holds these cells.
+    pub fn rest_on(&mut self, cells: &[usize], arena: &Arena) {
+        let (_, middle) = split(arena, self.start);
+        self.layouts = vec![Layout::exit(cells, middle)];
+    }
+
+    /// The unit leaves the lattice by an exit, after its last layout.
+    pub fn leave_by(&mut self, exit: Exit, arena: &Arena) {
+        let last = exit.steps.len().saturating_sub(1);
+        for step in 0..exit.steps.len() {
+            let cells = if step == last {
+                &exit.rest
+            } else {
+                &exit.swept
+            };
+            self.layouts.push(Layout::exit(cells, exit.cell));
+        }
+        self.goal = Some((self.layouts.len() - 1) * arena.area() + exit.cell);
+        self.exit = Some(exit);
+    }
+
+    /// How many of its layouts are on the lattice.
+    fn layouts_on_lattice(&self) -> usize {
+        self.layouts.len() - self.exit.as_ref().map_or(0, |exit| exit.steps.len())
+    }
+
+    /// The step of the exit that ends at a node.
+    pub fn exit_step(&self, arena: &Arena, node: Node) -> Option<&ExitStep> {
+        let (layout, _) = split(arena, node);
+        let step = layout.checked_sub(self.layouts_on_lattice())?;
+        self.exit.as_ref()?.steps.get(step)
+    }
+
+    /// The last of its layouts on the lattice.
+    pub fn last_on_lattice(&self) -> usize {
+        self.layouts_on_lattice().saturating_sub(1)
     }
 
     /// The cells that the unit holds at a node.
@@ -130,17 +214,26 @@ impl Unit {
             .map(move |&offset| cell.wrapping_add_signed(offset))
     }
 
-    /// The fold that begins at a node, if the arena has room for it.
+    /// The next part of a fold or of the exit that begins at a node, if the arena has room for it.
     pub fn fold(&self, arena: &Arena, node: Node) -> Option<Node> {
         let (layout, cell) = split(arena, node);
         let next = layout + 1;
-        (next < self.layouts.len() && self.layouts[next].fits(arena, cell))
-            .then_some(next * arena.area() + cell)
+        let has_room = |next: &Layout| match next.stage {
+            Stage::Exit => self.exit.as_ref().is_some_and(|exit| exit.cell == cell),
+            Stage::Place | Stage::Disc => next.fits(arena, cell),
+        };
+        let has_room = self.layouts.get(next).is_some_and(has_room);
+        has_room.then_some(next * arena.area() + cell)
     }
 
     /// Whether a node is a place where the unit folds.
     pub fn is_disc(&self, arena: &Arena, node: Node) -> bool {
-        self.layouts.len() > 1 && split(arena, node).0 == DISC
+        self.layouts[split(arena, node).0].stage == Stage::Disc
+    }
+
+    /// Whether the unit may step to the next cell from a node.
+    pub fn may_step(&self, arena: &Arena, node: Node) -> bool {
+        self.layouts.len() == 1 || self.layouts[split(arena, node).0].stage == Stage::Place
     }
 
     /// The steps between two nodes if nothing is in the way.

@@ -39,7 +39,7 @@ impl<'a> Ground<'a> {
         let mut failed = None;
         // Lazily and eagerly.
         let mut has_failed = [false; 2];
-        let movers = self.units.iter().filter(|unit| !unit.pinned).count();
+        let movers = self.units.iter().filter(|unit| !unit.stays).count();
         let eager = (movers <= self.parameters.eager_units_max).then_some(Variant::Eager);
         for variant in std::iter::once(Variant::Lazy).chain(eager) {
             let (schedule, outcome) = self.attempt(variant, spent);

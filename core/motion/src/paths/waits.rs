@@ -54,6 +54,9 @@ impl Graph<'_> {
                 );
             }
         }
+        for unit in 0..count {
+            self.exit_waits(unit, &mut waits);
+        }
         for cell in 0..self.schedule.arena.area() {
             self.cell_waits(cell, &speaker, &mut waits);
         }
@@ -72,6 +75,20 @@ impl Graph<'_> {
             .binary_search_by_key(&begin, |entry| entry.begin)
             .ok()?;
         Some(self.joint(unit) + u32::try_from(index + 1).unwrap_or(u32::MAX))
+    }
+
+    /// An exit begins when the bodies rest past which it leads.
+    fn exit_waits(&self, unit: usize, waits: &mut [Vec<UnitWait>]) {
+        let steps = |unit: usize| {
+            let moved = u32::try_from(self.schedule.paths[unit].len()).unwrap_or(u32::MAX);
+            self.joint(unit).saturating_add(moved)
+        };
+        let Some(exit) = &self.schedule.units[unit].exit else {
+            return;
+        };
+        let first = (steps(unit) + 1).saturating_sub(u32::try_from(exit.steps.len()).unwrap_or(0));
+        let others = exit.after.iter().map(|&other| (first, other, steps(other)));
+        waits[unit].extend(others.filter(|&(.., done)| done > 0));
     }
 
     fn cell_waits(&self, cell: usize, speaker: &[Option<usize>], waits: &mut [Vec<UnitWait>]) {

@@ -8,6 +8,7 @@
 )]
 
 pub mod bodies;
+pub mod exact;
 pub mod motion;
 #[path = "../../../planner/tests/support/numbers.rs"]
 mod numbers;

@@ -12,6 +12,14 @@ const STRIDE: f64 = 0.05;
 /// More moments are not compared within one segment.
 const MOMENTS_MAX: u32 = 200;
 
+/// What a module looks like from above.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Body {
+    /// The side of a square, or the diameter of a circle.
+    pub(super) width: f64,
+    pub(super) is_round: bool,
+}
+
 /// A pose in units and radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Placed {
@@ -185,7 +193,8 @@ impl Leg {
     }
 
     /// When two bodies overlap the most, and by how much.
-    pub(super) fn deepest(&self, other: &Self, width: f64) -> Option<(Duration, f64)> {
+    pub(super) fn deepest(&self, other: &Self, body: Body) -> Option<(Duration, f64)> {
+        let Body { width, is_round } = body;
         let (begin, end) = self.common(other)?;
         if !self.is_near(other, width) {
             return None;
@@ -206,8 +215,12 @@ impl Leg {
         (0..=moments)
             .map(|moment| {
                 let time = begin + (end - begin) * moment / moments;
-                let one = Rectangle::square(self.at(time), width);
-                (time, one.depth(&Rectangle::square(other.at(time), width)))
+                let (one, two) = (self.at(time), other.at(time));
+                if is_round {
+                    return (time, width - (two.x - one.x).hypot(two.y - one.y));
+                }
+                let one = Rectangle::square(one, width);
+                (time, one.depth(&Rectangle::square(two, width)))
             })
             .filter(|&(_, depth)| depth > 0.0)
             .max_by(|one, two| one.1.total_cmp(&two.1).then(two.0.cmp(&one.0)))
@@ -232,19 +245,57 @@ impl Leg {
     }
 
     /// By how much the places overlap that two bodies cover on their whole legs, whenever they are there.
-    pub(super) fn swept_depth(&self, other: &Self, width: f64) -> Option<f64> {
+    pub(super) fn swept_depth(&self, other: &Self, body: Body) -> Option<f64> {
+        let width = body.width;
         if !self.is_near(other, width) {
             return None;
         }
+        if body.is_round {
+            return Some(width - self.distance(other));
+        }
         Some(self.swept(width)?.depth(&other.swept(width)?))
     }
+
+    /// How near the lines come to each other along which the middles move.
+    fn distance(&self, other: &Self) -> f64 {
+        let ends = |leg: &Self| [(leg.from.x, leg.from.y), (leg.to.x, leg.to.y)];
+        let ([one, two], [first, second]) = (ends(self), ends(other));
+        let side = |at: (f64, f64), [from, to]: [(f64, f64); 2]| {
+            (to.0 - from.0) * (at.1 - from.1) - (to.1 - from.1) * (at.0 - from.0)
+        };
+        let (own, its) = ([one, two], [first, second]);
+        let crosses =
+            side(first, own) * side(second, own) < 0.0 && side(one, its) * side(two, its) < 0.0;
+        if crosses {
+            return 0.0;
+        }
+        let ends = [(one, its), (two, its), (first, own), (second, own)];
+        ends.into_iter()
+            .map(|(at, line)| off_line(at, line))
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The distance of a point from the line between two others.
+fn off_line((x, y): (f64, f64), [from, to]: [(f64, f64); 2]) -> f64 {
+    let (right, up) = (to.0 - from.0, to.1 - from.1);
+    let squared = right * right + up * up;
+    let share = if squared > 0.0 {
+        (((x - from.0) * right + (y - from.1) * up) / squared).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    (from.0 + right * share - x).hypot(from.1 + up * share - y)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const WIDTH: f64 = 0.9;
+    const BODY: Body = Body {
+        width: 0.9,
+        is_round: false,
+    };
 
     fn leg(from: (f64, f64, f64), to: (f64, f64, f64)) -> Leg {
         let placed = |(x, y, heading)| Placed { x, y, heading };
@@ -259,7 +310,7 @@ mod tests {
     #[track_caller]
     fn assert_depth(one: &Leg, other: &Leg, expected: Option<f64>) {
         for (one, other) in [(one, other), (other, one)] {
-            let depth = one.deepest(other, WIDTH).map(|(_, depth)| depth);
+            let depth = one.deepest(other, BODY).map(|(_, depth)| depth);
             match (depth, expected) {
                 (None, None) => {}
                 (Some(depth), Some(expected)) if (depth - expected).abs() < 0.03 => {}
@@ -288,10 +339,26 @@ mod tests {
     fn places_are_compared_whenever_bodies_are_there() {
         let right = leg((0.0, 0.0, 0.0), (4.0, 0.0, 0.0));
         let after = leg((-1.0, 0.0, 0.0), (3.0, 0.0, 0.0));
-        assert!(right.swept_depth(&after, WIDTH).unwrap() > 0.8);
+        assert!(right.swept_depth(&after, BODY).unwrap() > 0.8);
         let parallel = leg((0.0, 1.0, 0.0), (4.0, 1.0, 0.0));
-        assert!(right.swept_depth(&parallel, WIDTH).unwrap() < 0.0);
+        assert!(right.swept_depth(&parallel, BODY).unwrap() < 0.0);
         let turning = leg((0.0, 0.0, 0.0), (0.0, 0.0, 1.0));
-        assert_eq!(right.swept_depth(&turning, WIDTH), None);
+        assert_eq!(right.swept_depth(&turning, BODY), None);
+    }
+
+    #[test]
+    fn round_bodies_pass_each_other_at_their_corners() {
+        let round = Body {
+            is_round: true,
+            ..BODY
+        };
+        let right = leg((0.0, 0.0, 0.0), (4.0, 0.0, 0.0));
+        let beside = leg((2.0, 0.95, 0.7), (2.0, 0.95, 0.7));
+        assert!(right.deepest(&beside, BODY).is_some());
+        assert!(right.deepest(&beside, round).is_none());
+        let after = leg((4.5, 0.8, 0.0), (5.0, 1.5, 0.0));
+        assert!(right.swept_depth(&after, round).unwrap() < 0.0);
+        let across = leg((1.0, -2.0, 0.0), (3.0, 2.0, 0.0));
+        assert!(right.swept_depth(&across, round).unwrap() > 0.89);
     }
 }

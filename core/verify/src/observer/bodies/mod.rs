@@ -19,7 +19,7 @@ mod track;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use self::geometry::Placed;
+use self::geometry::{Body, Placed};
 use self::track::{Added, Segment, StepEnd, Track};
 use super::parameters::ObserverParameters;
 use crate::violation::{VIOLATIONS_MAX, Violation};
@@ -70,6 +70,8 @@ pub(super) struct Bodies {
     position_tolerance: f64,
     /// The width of a body, by the target of the latest roster.
     width: MicroUnits,
+    /// Whether bodies are round, by the same.
+    is_round: bool,
     tracks: BTreeMap<ModuleId, Track>,
     suspicions: Vec<Suspicion>,
     /// The gravest breach of each promise.
@@ -88,8 +90,9 @@ impl Bodies {
         }
     }
 
-    /// The target of a roster states how wide its bodies are.
+    /// The target of a roster states what its bodies look like.
     pub(super) fn note_target(&mut self, target: &Target) {
+        self.is_round = target.surroundings().body().is_round();
         self.width = target.surroundings().body_width();
     }
 
@@ -272,7 +275,7 @@ impl Bodies {
     fn overlap(&self, one: &Segment, other: &Segment) -> Option<Breach> {
         let epoch = Self::judged_epoch(one, other)?;
         let (width, error) = (self.width(), self.clock_error);
-        let (at, depth) = one.leg.deepest(&other.leg, width)?;
+        let (at, depth) = one.leg.deepest(&other.leg, self.body())?;
         let speed = one.leg.error_speed(&other.leg, width);
         if depth <= 1.0 - width + speed * error.as_secs_f64() {
             return None;
@@ -296,7 +299,8 @@ impl Bodies {
         let (begin, end) = one.leg.common(&other.leg)?;
         let early = end.saturating_sub(begin);
         let width = self.width();
-        if early <= self.clock_error || one.leg.swept_depth(&other.leg, width)? <= 1.0 - width {
+        if early <= self.clock_error || one.leg.swept_depth(&other.leg, self.body())? <= 1.0 - width
+        {
             return None;
         }
         let is_later = |one: &Segment, other: &Segment| {
@@ -454,6 +458,13 @@ impl Bodies {
             at: end.at.max(other.at),
         };
         Some(((end.epoch, Promise::Rigid, first, second), off.0, violation))
+    }
+
+    fn body(&self) -> Body {
+        Body {
+            width: self.width(),
+            is_round: self.is_round,
+        }
     }
 
     fn width(&self) -> f64 {
