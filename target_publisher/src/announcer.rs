@@ -153,7 +153,7 @@ impl Node for Announcer<'_> {
                 reply(outcome.inspect(|_| self.publish_commands()).into());
             }
             Input::RemoveModule(call) => self.commander.ask_removal(now, call),
-            Input::Action(request) => self.handle_action(now, request),
+            Input::Action(request) => self.handle_action(now, *request),
         }
     }
 

@@ -37,7 +37,7 @@ pub(crate) enum Input {
     WithdrawTarget(Call<WithdrawTargetRequest, WithdrawTargetResponse>),
     StopFormation(Call<StopFormationRequest, StopFormationResponse>),
     RemoveModule(Call<RemoveModuleRequest, RemoveModuleResponse>),
-    Action(ActionRequest<FormConfigurationGoal>),
+    Action(Box<ActionRequest<FormConfigurationGoal>>),
 }
 
 /// Creates the endpoints.
@@ -50,7 +50,7 @@ pub(crate) fn open(
     inputs.add(ros.serve(&STOP_FORMATION)?, Input::StopFormation);
     inputs.add(ros.serve(&REMOVE_MODULE)?, Input::RemoveModule);
     let (action, requests) = ros.serve_action(&FORM_CONFIGURATION)?;
-    inputs.add(requests, Input::Action);
+    inputs.add(requests, |request| Input::Action(Box::new(request)));
     for messages in subscribe_all(ros, 1)? {
         inputs.add(messages, Input::Messages);
     }

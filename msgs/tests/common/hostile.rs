@@ -131,7 +131,7 @@ impl<'a> Writer<'a> {
                         }
                         // A policy but `paper` has none, and one but `given` no allocation.
                         "policy_options" | "allocation" | "detached" if !self.one_in(8) => {
-                            self.put_length(0)
+                            self.put_length(0);
                         }
                         "key" if !self.one_in(8) => self.text("max"),
                         "value" if !self.one_in(8) => self.text("40"),

@@ -19,7 +19,7 @@ use super::lattice::{Site, Time};
 use super::lattice_request::LatticeRequest;
 use super::plan_motion;
 use super::result::MotionRequest;
-use super::unlabelled::Filling;
+use super::unlabelled::SpotFilling;
 
 /// The most cells that the searches for ways visit.
 const VISITS_MAX: usize = 200_000_000;
@@ -198,7 +198,7 @@ impl<'a> Swap<'a> {
                     let taken = claim.spots.iter();
                     places.extend(taken.filter_map(|&spot| Some((arena.cell(spots[spot])?, spot))));
                 }
-                Filling::new(arena, &self.closed, modules, places).holders()
+                SpotFilling::new(arena, &self.closed, modules, places).holders()
             }
         }
     }

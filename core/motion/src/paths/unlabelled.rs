@@ -16,7 +16,7 @@ const NONE: usize = usize::MAX;
 /// equal ones the farthest from the root.
 type Leaf = (u8, Reverse<usize>, usize);
 
-pub(super) struct Filling<'a> {
+pub(super) struct SpotFilling<'a> {
     arena: &'a Arena,
     /// The cell before each in the tree; the cell itself for a root.
     parents: Vec<usize>,
@@ -28,7 +28,7 @@ pub(super) struct Filling<'a> {
     leaves: BTreeSet<Leaf>,
 }
 
-impl<'a> Filling<'a> {
+impl<'a> SpotFilling<'a> {
     /// With the cells that are not open, and the modules and the spots by their cells.
     pub fn new(
         arena: &'a Arena,
