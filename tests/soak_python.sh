@@ -23,3 +23,5 @@ print(sys.version.split()[0], len(plan.assignments), "modules planned")'
 done
 cargo build --release --locked --quiet --package formation
 FORMATION_PROGRAM=target/release/formation "$scratch/empty/bin/python" python/tests/measure_plan.py 1000 5
+cargo build --workspace --bins --locked --quiet
+cargo test --package formation_python --test all --locked -- --ignored ros::

@@ -456,8 +456,8 @@ fn what_looks_like_a_mistake_is_warned_about() {
         ),
         (
             "{id: 4, x: 3.0, y: 0.0}",
-            "{id: 4, x: 2.5, y: 0.0}",
-            "target.spots: spot 3 and spot 4 are only 0.5 units apart, and a module is 1 unit wide",
+            "{id: 4, x: 2.95, y: 0.0}",
+            "target.spots: spot 3 and spot 4 are only 0.95 units apart, and a module is 1 unit wide",
         ),
         (
             "{id: 4, x: 3.0, y: 0.0}",

@@ -192,6 +192,7 @@ fn constants_agree() {
             STAGE_WAITING_FOR_TARGET, STAGE_GATHERING, STAGE_PLANNING, STAGE_AGREEING, STAGE_ACTING, STAGE_DONE;
         Roster: STAGE_GATHER, STAGE_PLAN;
         RosterMember: NONE;
+        TargetConfiguration: BODY_SQUARE, BODY_CIRCLE;
         Verdict: OUTCOME_COMPLETE, OUTCOME_PARTIAL, OUTCOME_FAILED;
     };
     assert_eq!(of_rust, of_files);

@@ -6,7 +6,7 @@ use formation_model::text::joined;
 use formation_model::{ModuleId, Scenario, SpotId};
 use formation_motion::{PlannedMotion, check_differential_drives};
 use formation_offline::{
-    CheckReport, CheckedPlan, ExplanationReport, WithoutSpread, explanation_text,
+    ByAllocationError, CheckReport, CheckedPlan, ExplanationReport, WithoutSpread, explanation_text,
 };
 use formation_planner::{Explanation, PlanSize};
 use formation_report::{Colours, after, animation, before, page};
@@ -49,7 +49,9 @@ impl NativePlan {
             .map(|&(module, spot)| (ModuleId(module), SpotId(spot)))
             .collect();
         let plan = py.detach(|| CheckedPlan::by_allocation(scenario.problem(), &allocation));
-        let plan = plan.map_err(|error| plan_refused(py, &error.to_string()))?;
+        // The caller knows no target section.
+        let refused = |error: ByAllocationError| error.to_string().replacen("target.", "", 1);
+        let plan = plan.map_err(|error| plan_refused(py, &refused(error)))?;
         Ok(Self { scenario, plan })
     }
 

@@ -1,8 +1,7 @@
 """How long a plan takes from Python and from the command line, both from the text of a scenario to the JSON of its plan.
 
-Runs the two in turns, and prints the shortest time of each and their ratio, by the clock and in processor time, which other work on
-the machine disturbs less. The program, which FORMATION_PROGRAM names, is of the
-same profile as the package.
+Runs the two in turns, and prints the shortest time of each and their ratio, by the clock and in processor time, which other work
+on the machine disturbs less. The program, which FORMATION_PROGRAM names, is of the same profile as the package.
 
 Usage: measure_plan.py [MODULES [ROUNDS]]
 """

@@ -5,6 +5,7 @@ use formation_tests::{Domain, Rclpy, Running, scenario_path};
 use crate::package::assembled;
 
 #[test]
+#[ignore = "takes a minute; tests/soak_python.sh runs it"]
 fn a_formation_is_announced_followed_and_changed_from_python() {
     let Some(rclpy) = Rclpy::find() else {
         return;

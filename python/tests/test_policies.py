@@ -36,10 +36,10 @@ def test_an_instance_says_what_is_docked():
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        ({1: 1, 2: 2, 9: 3}, "there is no module 9"),
+        ({1: 1, 2: 2, 9: 3}, "^allocation: module 9 takes no part"),
         ({1: 1, 2: 2, 3: 9}, "spot 9"),
-        ({1: 1, 2: 1, 3: 3}, "both to take spot 1"),
-        ({1: 1, 2: 2}, "2"),
+        ({1: 1, 2: 1, 3: 3}, "spot 1 is given twice: module 1 has it"),
+        ({1: 1, 2: 2}, "module 3 is missing"),
         (None, "must return"),
         ({1: 1.5}, "must return"),
         ({"a": 1}, "must return"),

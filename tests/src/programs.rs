@@ -325,7 +325,11 @@ impl Running {
             }
             thread::sleep(Duration::from_millis(100));
             self.signal(Signal::CONT);
-            let rejoins = self.wait_for_log(mark, "rejoining", Duration::from_secs(3));
+            let rejoins = self.wait_for_log(
+                mark,
+                "joining the ROS 2 graph again",
+                Duration::from_secs(3),
+            );
             if rejoins.is_some() {
                 break;
             }

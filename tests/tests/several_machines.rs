@@ -134,6 +134,7 @@ fn a_machine_whose_address_changes_on_the_way_takes_part_again_with_what_it_know
 }
 
 #[test]
+#[ignore = "takes half a minute; tests/soak_networks.sh runs it"]
 fn a_second_interface_that_appears_on_the_way_is_used_as_well() {
     let Some(machines) = TwoMachines::start(|_| ()) else {
         return;
@@ -145,6 +146,7 @@ fn a_second_interface_that_appears_on_the_way_is_used_as_well() {
 }
 
 #[test]
+#[ignore = "takes half a minute; tests/soak_networks.sh runs it"]
 fn all_halt_while_a_link_is_down_and_go_on_when_it_is_back() {
     let Some(machines) = TwoMachines::start(|_| ()) else {
         return;
@@ -161,7 +163,7 @@ fn all_halt_while_a_link_is_down_and_go_on_when_it_is_back() {
 
 /// Longer than the DDS participants remember each other.
 #[test]
-#[ignore = "takes two minutes"]
+#[ignore = "takes two minutes; tests/soak_networks.sh runs it"]
 fn a_link_may_be_down_for_longer_than_dds_remembers_participants() {
     let Some(machines) = TwoMachines::start(|_| ()) else {
         return;

@@ -46,7 +46,9 @@ fn plain(value: f64) -> f64 {
 /// The 97.5 % quantile of Student's t. For few degrees of freedom from the table, else by the expansion in their inverse
 /// (Abramowitz and Stegun, 26.7.5), which is right to three decimals there.
 fn quantile(freedom: usize) -> f64 {
-    const TABLE: [f64; 6] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447];
+    const TABLE: [f64; 12] = [
+        12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
+    ];
     if let Some(&tabled) = TABLE.get(freedom - 1) {
         return tabled;
     }
@@ -69,6 +71,7 @@ mod tests {
             (6, 2.447),
             (7, 2.365),
             (10, 2.228),
+            (13, 2.160),
             (20, 2.086),
             (30, 2.042),
             (120, 1.980),
