@@ -75,21 +75,19 @@ fn with_rotated_allocation(scenario: &str, shift: usize) -> String {
 }
 
 #[test]
-fn allocations_that_are_given_are_formed_by_processes() {
+fn an_allocation_that_is_given_is_formed_by_processes() {
     let directory = tempfile::tempdir().unwrap();
-    for shift in 1..=2 {
-        let options = format!("generate --modules 6 --spots 6 --configurations 1x3 --seed {shift}");
-        let path = directory.path().join(format!("given_{shift}.yaml"));
-        let scenario = with_rotated_allocation(&generated(&options), shift);
-        fs::write(&path, &scenario).unwrap();
-        let Some(run) = forms_as_planned(&path) else {
-            return;
-        };
-        let parsed = Scenario::from_yaml(&scenario).unwrap();
-        let given = parsed.problem().target().given().unwrap();
-        let expected = serde_json::to_value(given.assignments().collect::<Vec<_>>()).unwrap();
-        assert_eq!(run["assignments"], expected);
-    }
+    let path = directory.path().join("given.yaml");
+    let options = "generate --modules 6 --spots 6 --configurations 1x3 --seed 3";
+    let scenario = with_rotated_allocation(&generated(options), 3);
+    fs::write(&path, &scenario).unwrap();
+    let Some(run) = forms_as_planned(&path) else {
+        return;
+    };
+    let parsed = Scenario::from_yaml(&scenario).unwrap();
+    let given = parsed.problem().target().given().unwrap();
+    let expected = serde_json::to_value(given.assignments().collect::<Vec<_>>()).unwrap();
+    assert_eq!(run["assignments"], expected);
 }
 
 #[test]
