@@ -30,6 +30,28 @@ pub fn check_plan(
     decisions: &[Decision],
     plan: &Plan,
 ) -> Result<(), Vec<Violation>> {
+    checked(problem, decisions, plan, check_blocks)
+}
+
+/// Checks a plan whose motion swaps spots after the claims: the last decision has the swaps, and the plan the units that the
+/// motion gave it. The same guarantees hold, except that the motion may take blocks apart.
+///
+/// # Errors
+/// Lists all violations found, in no particular order.
+pub fn check_swapped_plan(
+    problem: &PlanningProblem,
+    decisions: &[Decision],
+    plan: &Plan,
+) -> Result<(), Vec<Violation>> {
+    checked(problem, decisions, plan, |_, _, _, _| ())
+}
+
+fn checked(
+    problem: &PlanningProblem,
+    decisions: &[Decision],
+    plan: &Plan,
+    check_blocks: impl Fn(&PlanningProblem, &Replay, &Plan, &mut Vec<Violation>),
+) -> Result<(), Vec<Violation>> {
     let mut replay = Replay::new(problem);
     for (turn, decision) in (0..).zip(decisions) {
         replay.apply(problem, turn, decision);
@@ -49,30 +71,6 @@ pub fn check_plan(
         Ok(())
     } else {
         Err(violations)
-    }
-}
-
-/// Checks a plan whose motion swaps spots after the claims: the last decision has the swaps, and the plan the units that the
-/// motion gave it. The same guarantees hold, except that the motion may take blocks apart.
-///
-/// # Errors
-/// Lists all violations found, in no particular order.
-pub fn check_swapped_plan(
-    problem: &PlanningProblem,
-    decisions: &[Decision],
-    plan: &Plan,
-) -> Result<(), Vec<Violation>> {
-    let mut replay = Replay::new(problem);
-    for (turn, decision) in (0..).zip(decisions) {
-        replay.apply(problem, turn, decision);
-    }
-    let mut violations = std::mem::take(&mut replay.violations);
-    check_assignment(problem, &replay, plan, &mut violations);
-    check_units(problem, plan, &mut violations);
-    check_order(problem, plan, &mut violations);
-    match violations.is_empty() {
-        true => Ok(()),
-        false => Err(violations),
     }
 }
 
