@@ -8,14 +8,12 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_model::{ModuleId, PlanningProblem, RawArea, RawGiven, RawGivenSpot, SpotId, Target};
-use formation_planner::{Utilities, given_by};
+use formation_model::{ModuleId, PlanningProblem, RawGiven, RawGivenSpot, SpotId};
+use formation_offline::PolicyInstance;
+use formation_planner::given_by;
 use rustix::process::{Pid, Signal, kill_process_group};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use thiserror::Error;
-
-/// The version of the instance's format; it rises when a key changes its meaning.
-const FORMAT: u32 = 1;
 
 /// The longest answer.
 const ANSWER_BYTES_MAX: u64 = 16 << 20;
@@ -46,47 +44,6 @@ pub enum ProgramError {
     Refused(String),
 }
 
-/// The instance, as the program reads it. Lengths are in units, headings in radians.
-#[derive(Debug, Serialize)]
-struct InstanceJson {
-    format: u32,
-    modules: Vec<ModuleJson>,
-    spots: Vec<SpotJson>,
-    /// Pairs of adjacent spots.
-    edges: Vec<[u32; 2]>,
-    weights: formation_model::Weights,
-    keep_all_spots: bool,
-    body_width: f64,
-    obstacles: Vec<RawArea>,
-    arena: Option<RawArea>,
-}
-
-#[derive(Debug, Serialize)]
-struct ModuleJson {
-    id: u32,
-    x: f64,
-    y: f64,
-    theta: f64,
-    configuration: Option<u32>,
-    leader: Option<u32>,
-    /// The modules to which it is docked.
-    links: Vec<u32>,
-    /// The spot on which it has settled, and which it keeps.
-    pin: Option<u32>,
-    /// Whether a way leads to the target; otherwise it gets no spot.
-    reachable: bool,
-}
-
-#[derive(Debug, Serialize)]
-struct SpotJson {
-    id: u32,
-    x: f64,
-    y: f64,
-    theta: f64,
-    /// The spot's betweenness, which utilities contain.
-    value: f64,
-}
-
 /// What the program answers.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -105,7 +62,7 @@ pub fn ask(
     problem: &PlanningProblem,
     limit: Duration,
 ) -> Result<Arc<PlanningProblem>, ProgramError> {
-    let instance = serde_json::to_vec(&instance_of(problem))
+    let instance = serde_json::to_vec(&PolicyInstance::of(problem))
         .map_err(|error| ProgramError::NotUnderstood(error.to_string()))?;
     let output = output_of(command, instance, limit)?;
     let answer: Answer = serde_json::from_slice(&output)
@@ -127,49 +84,6 @@ pub fn ask(
         ProgramError::Refused(text.replacen("target.", "", 1))
     })?;
     Ok(Arc::new(under))
-}
-
-fn instance_of(problem: &PlanningProblem) -> InstanceJson {
-    let target: &Target = problem.target();
-    let utilities = Utilities::of_problem(problem);
-    let modules = problem.modules().iter().enumerate();
-    let spots = target.spots().iter().enumerate();
-    let surroundings = target.surroundings();
-    InstanceJson {
-        format: FORMAT,
-        modules: modules
-            .map(|(position, module)| ModuleJson {
-                id: module.id.0,
-                x: module.pose.x.to_units(),
-                y: module.pose.y.to_units(),
-                theta: module.pose.theta.to_units(),
-                configuration: module.configuration.map(|id| id.0),
-                leader: module.leader.map(|id| id.0),
-                links: module.links.iter().map(|id| id.0).collect(),
-                pin: module.pin.map(|id| id.0),
-                reachable: !problem.is_cut_off(position),
-            })
-            .collect(),
-        spots: spots
-            .map(|(position, spot)| SpotJson {
-                id: spot.id.0,
-                x: spot.pose.x.to_units(),
-                y: spot.pose.y.to_units(),
-                theta: spot.pose.theta.to_units(),
-                value: utilities.value(position).to_units(),
-            })
-            .collect(),
-        edges: target.to_raw().edges,
-        weights: problem.parameters().weights,
-        keep_all_spots: problem.parameters().keep_all_spots,
-        body_width: surroundings.body_width().to_units(),
-        obstacles: surroundings
-            .obstacles()
-            .iter()
-            .map(formation_model::Area::to_raw)
-            .collect(),
-        arena: surroundings.arena().map(|area| area.to_raw()),
-    }
 }
 
 /// What a program writes to its standard output, given this on its standard input.

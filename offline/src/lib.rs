@@ -11,6 +11,7 @@ mod explain;
 #[cfg(feature = "maps")]
 mod import;
 mod motion;
+mod policy_instance;
 mod scenario_text;
 mod spread;
 mod swap;
@@ -29,6 +30,7 @@ pub use explain::{ExplanationReport, explanation_text};
 #[cfg(feature = "maps")]
 pub use import::{ImportError, ImportOptions, import, map_bytes_max};
 pub use motion::warning as motion_warning;
+pub use policy_instance::PolicyInstance;
 pub use scenario_text::{field_percent, generated, to_yaml};
 pub use spread::WithoutSpread;
 pub use table::aligned;

@@ -54,11 +54,7 @@ pub fn to_yaml(scenario: &RawScenario) -> String {
     }
     let _ = writeln!(text, "  edges: {}", pairs(&scenario.target.edges));
     if let Some(given) = &scenario.given {
-        let entries = given.allocation.iter();
-        let entries = entries.map(|one| format!("{{module: {}, spot: {}}}", one.module, one.spot));
-        let _ = writeln!(text, "  allocation: [{}]", joined(entries, ", "));
-        let detached = joined(&given.detached, ", ");
-        let _ = writeln!(text, "  detached: [{detached}]");
+        text.push_str(&given.to_yaml());
     }
     if !scenario.configurations.is_empty() {
         text.push_str("configurations:\n");

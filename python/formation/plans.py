@@ -194,7 +194,7 @@ def plan(scenario: Scenario, *, policy: Policy | None = None) -> Plan:
 
     Args:
         scenario: What to plan for.
-        policy: Another policy than the scenario's, by its name (``exact``, ``paper``, ``auction``, ``hungarian``), or a function.
+        policy: Another policy than the scenario's, by its name (``formation policies`` lists them), or a function.
             It gets the :func:`instance` and returns the spot of each module, ``{module: spot}``. As many spots must be filled as
             the modules suffice for, and connected. What it decides is planned and checked like any other plan.
 
@@ -211,34 +211,16 @@ def plan(scenario: Scenario, *, policy: Policy | None = None) -> Plan:
 
 
 def instance(scenario: Scenario) -> dict[str, Any]:
-    """What a policy decides on. Lengths are in units, headings in radians.
+    """What a policy decides on: the object that a ``--policy-program`` reads, with the utilities. Lengths are in units, headings
+    in radians.
 
     ``modules``: ``id``, ``x``, ``y``, ``theta``, ``configuration`` and ``leader`` (or ``None``), ``links`` (the modules that it
-    is docked to), ``reachable`` (whether a way leads to the target). ``spots``: ``id``, ``x``, ``y``, ``theta``. ``edges``: pairs
-    of adjacent spots. ``utilities``: a row for each module, a column for each spot, in these orders.
+    is docked to), ``pin`` (the spot that it keeps), ``reachable`` (whether a way leads to the target). ``spots``: ``id``, ``x``,
+    ``y``, ``theta``, ``value`` (its betweenness). ``edges``: pairs of adjacent spots. ``weights``, ``keep_all_spots``,
+    ``body_width``, ``obstacles``, ``arena``: as in the scenario. ``utilities``: a row for each module, a column for each spot, in
+    these orders.
     """
-    modules, spots = scenario.module_ids, scenario.spot_ids
-    links: dict[int, list[int]] = {module: [] for module in modules}
-    for one, other in scenario.links.tolist():
-        links[modules[one]].append(modules[other])
-        links[modules[other]].append(modules[one])
-    poses = scenario.starts.tolist()
-    return {
-        "modules": [
-            {
-                "id": module,
-                **dict(zip(("x", "y", "theta"), pose)),
-                "configuration": configuration,
-                "leader": leader,
-                "links": sorted(links[module]),
-                "reachable": reachable,
-            }
-            for (module, configuration, leader, reachable), pose in zip(scenario._native.members(), poses)
-        ],
-        "spots": [{"id": spot, "x": x, "y": y, "theta": theta} for spot, (x, y, theta) in zip(spots, scenario.spots.tolist())],
-        "edges": [[spots[one], spots[other]] for one, other in scenario.edges.tolist()],
-        "utilities": scenario.utilities,
-    }
+    return {**json.loads(scenario._native.instance_json()), "utilities": scenario.utilities}
 
 
 def _allocation(answer: Any) -> list[tuple[int, int]]:

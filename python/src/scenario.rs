@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use formation_model::{PlanningModule, Policy, RawScenario, Scenario, Target};
-use formation_offline::{oddities, to_yaml};
+use formation_model::{Policy, RawScenario, Scenario, Target};
+use formation_offline::{PolicyInstance, oddities, to_yaml};
 use formation_planner::assignment::Instance;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -144,19 +144,10 @@ impl NativeScenario {
         NativePlan::by_allocation(py, Arc::clone(&self.scenario), &pairs)
     }
 
-    /// The modules for a policy: identifier, configuration and leader if it has them, and whether a way leads to the target.
-    fn members(&self) -> Vec<(u32, Option<u32>, Option<u32>, bool)> {
+    /// The instance for a policy, as programs read it.
+    fn instance_json(&self, py: Python<'_>) -> PyResult<String> {
         let problem = self.scenario.problem();
-        let modules = problem.modules().iter().enumerate();
-        let member = |(position, module): (usize, &PlanningModule)| {
-            (
-                module.id.0,
-                module.configuration.map(|id| id.0),
-                module.leader.map(|id| id.0),
-                !problem.is_cut_off(position),
-            )
-        };
-        modules.map(member).collect()
+        json(py, &py.detach(|| PolicyInstance::of(problem)))
     }
 
     /// Plans it.

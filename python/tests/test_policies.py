@@ -6,10 +6,14 @@ import pytest
 
 def hungarian(instance):
     """The plan of another policy, as an allocation."""
+
+    def placed(key):
+        return [{name: one[name] for name in ("id", "x", "y", "theta")} for one in instance[key]]
+
     scenario = formation.Scenario.from_dict(
         {
-            "target": {"spots": instance["spots"], "edges": instance["edges"]},
-            "singletons": [{key: module[key] for key in ("id", "x", "y", "theta")} for module in instance["modules"]],
+            "target": {"spots": placed("spots"), "edges": instance["edges"]},
+            "singletons": placed("modules"),
         }
     )
     return formation.plan(scenario, policy="hungarian").assignments

@@ -28,6 +28,21 @@ pub struct RawGiven {
     pub detached: Vec<u32>,
 }
 
+impl RawGiven {
+    /// Its lines in the section `target` of a scenario file.
+    #[must_use]
+    pub fn to_yaml(&self) -> String {
+        let mut text = "  allocation:\n".to_owned();
+        for RawGivenSpot { module, spot } in &self.allocation {
+            text.push_str(&format!("    - {{module: {module}, spot: {spot}}}\n"));
+        }
+        if !self.detached.is_empty() {
+            text.push_str(&format!("  detached: {:?}\n", self.detached));
+        }
+        text
+    }
+}
+
 /// Who takes which spot of a target: each module once, each spot once, all spots those of the target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GivenAllocation {

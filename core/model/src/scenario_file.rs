@@ -8,7 +8,6 @@ use crate::yaml;
 use crate::{
     BodyShape, FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration,
     RawGiven, RawGivenSpot, RawModule, RawScenario, RawSpot, RawTarget, Scenario, ScenarioError,
-    Target,
 };
 
 /// A scenario file as it is written.
@@ -224,7 +223,9 @@ impl Scenario {
         let ids: Vec<u32> = spots.iter().map(|spot| spot.id.0).collect();
         let edges = target.topology().edges();
         let mut text = section("target", &placed, edges, &ids, &names)?;
-        text.push_str(&given_lines(target));
+        if let Some(given) = target.given() {
+            text.push_str(&given.to_raw().to_yaml());
+        }
 
         let modules = problem.modules();
         let mut letters = ('A'..='Z').cycle();
@@ -269,22 +270,6 @@ fn placed(
         placed.push((letter, pose.x.to_units(), pose.y.to_units()));
     }
     Ok(placed)
-}
-
-/// Who takes which spot, as it stands in the section of the target.
-fn given_lines(target: &Target) -> String {
-    let Some(given) = target.given() else {
-        return String::new();
-    };
-    let raw = given.to_raw();
-    let mut text = "  allocation:\n".to_owned();
-    for RawGivenSpot { module, spot } in raw.allocation {
-        text.push_str(&format!("    - {{module: {module}, spot: {spot}}}\n"));
-    }
-    if !raw.detached.is_empty() {
-        text.push_str(&format!("  detached: {:?}\n", raw.detached));
-    }
-    text
 }
 
 fn section(
