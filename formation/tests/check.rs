@@ -445,6 +445,19 @@ fn a_valid_scenario_is_summed_up() {
 }
 
 #[test]
+fn spots_on_which_bodies_overlap_are_refused_by_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("close.yaml");
+    let place = "{id: 4, x: 3.0, y: 0.0}";
+    assert_eq!(VALID.matches(place).count(), 1);
+    fs::write(&path, VALID.replace(place, "{id: 4, x: 2.5, y: 0.0}")).unwrap();
+    let (status, _, stderr) = check(&path);
+    assert_eq!(status, Some(2), "{stderr}");
+    let expected = "no module would move: target: spots 3 and 4: bodies overlap\n";
+    assert!(stderr.ends_with(expected), "{stderr}");
+}
+
+#[test]
 fn what_looks_like_a_mistake_is_warned_about() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("odd.yaml");

@@ -99,13 +99,13 @@ impl Joined {
 }
 
 /// Watches the addresses of this machine for one participant.
-pub(crate) struct AddressWatch {
+pub(crate) struct AddressWatchdog {
     /// `None` where the participant does not look beyond this machine.
     joined: Option<RefCell<Joined>>,
     looked_at: Cell<Instant>,
 }
 
-impl AddressWatch {
+impl AddressWatchdog {
     /// To be called before the participant is created, so that no address comes in between unnoticed.
     pub(crate) fn before_participant(range: DiscoveryRange) -> Self {
         let looks_beyond = match range {

@@ -15,7 +15,7 @@ use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicies, RTPSEnti
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::addresses::AddressWatch;
+use crate::addresses::AddressWatchdog;
 use crate::arguments::NodeIdentity;
 use crate::dds_deadlock::DeadlockWatchdog;
 use crate::dds_liveness::LivenessWatchdog;
@@ -30,7 +30,7 @@ use crate::service_mapping::ServiceMapping;
 use crate::stamp::nanoseconds_since_epoch;
 use crate::subscription::{ParticipantId, Taken};
 use crate::topic::Topic;
-use crate::wall_clock::WallClockWatch;
+use crate::wall_clock::WallClockWatchdog;
 
 /// A process's place in the ROS 2 graph over DDS.
 ///
@@ -47,8 +47,8 @@ pub(crate) struct DdsGraph {
     pub(crate) participant: DomainParticipant,
     pub(crate) matched_readers: MatchedReaders,
     liveness: LivenessWatchdog,
-    addresses: AddressWatch,
-    wall_clock: WallClockWatch,
+    addresses: AddressWatchdog,
+    wall_clock: WallClockWatchdog,
     deadlock: DeadlockWatchdog,
     pub(crate) service_mapping: ServiceMapping,
 }
@@ -72,8 +72,8 @@ impl DdsGraph {
         for sentence in environment.without_effect_over_dds() {
             tracing::warn!("{sentence}");
         }
-        let addresses = AddressWatch::before_participant(environment.range);
-        let wall_clock = WallClockWatch::before_participant();
+        let addresses = AddressWatchdog::before_participant(environment.range);
+        let wall_clock = WallClockWatchdog::before_participant();
         let liveness = LivenessWatchdog::before_participant();
         let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads))
             .map_err(|error| failed("watch the DDS library", &error))?;

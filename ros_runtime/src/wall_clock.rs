@@ -11,21 +11,21 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 const STEP_MAX: Duration = Duration::from_secs(5);
 
 /// Compares the wall clock of this machine with one that is never set.
-pub(crate) struct WallClockWatch {
+pub(crate) struct WallClockWatchdog {
     start: Instant,
     /// The most by which the wall clock was ahead of the time since the start.
     ahead: Cell<Duration>,
 }
 
-impl WallClockWatch {
+impl WallClockWatchdog {
     /// To be called before the participant is created.
     pub(crate) fn before_participant() -> Self {
-        let watch = Self {
+        let watchdog = Self {
             start: Instant::now(),
             ahead: Cell::new(Duration::ZERO),
         };
-        watch.set_back_by();
-        watch
+        watchdog.set_back_by();
+        watchdog
     }
 
     /// By how much the clock was set back, if that is more than a wait would cost.
@@ -50,11 +50,11 @@ mod tests {
 
     #[test]
     fn steps_back_count_from_the_latest_time_that_the_clock_showed() {
-        let watch = WallClockWatch {
+        let watchdog = WallClockWatchdog {
             start: Instant::now(),
             ahead: Cell::new(Duration::from_secs(1_000)),
         };
-        let step = |to: u64| watch.step_to(Duration::from_secs(to));
+        let step = |to: u64| watchdog.step_to(Duration::from_secs(to));
         assert_eq!(step(1_000), None);
         assert_eq!(step(996), None, "the wait is short");
         assert_eq!(step(4_600), None, "forward");
@@ -65,8 +65,8 @@ mod tests {
 
     #[test]
     fn a_clock_that_runs_on_is_not_set_back() {
-        let watch = WallClockWatch::before_participant();
-        assert!(watch.ahead.get() > Duration::ZERO);
-        assert_eq!(watch.set_back_by(), None);
+        let watchdog = WallClockWatchdog::before_participant();
+        assert!(watchdog.ahead.get() > Duration::ZERO);
+        assert_eq!(watchdog.set_back_by(), None);
     }
 }

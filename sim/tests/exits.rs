@@ -11,27 +11,7 @@ use crate::support::run_all;
 const SEEDS: u64 = 12;
 
 /// Six round modules around one.
-const HEXAGON: &str = "
-body: circle
-target:
-  spots:
-    - {id: 1, x: 0, y: 0}
-    - {id: 2, x: 1, y: 0}
-    - {id: 3, x: 0.5, y: 0.8660254}
-    - {id: 4, x: -0.5, y: 0.8660254}
-    - {id: 5, x: -1, y: 0}
-    - {id: 6, x: -0.5, y: -0.8660254}
-    - {id: 7, x: 0.5, y: -0.8660254}
-  edges: [[1, 2], [1, 3], [1, 4], [1, 5], [1, 6], [1, 7], [2, 3], [3, 4], [4, 5], [5, 6], [6, 7], [7, 2]]
-singletons:
-  - {id: 1, x: 6, y: 0}
-  - {id: 2, x: 6, y: 2}
-  - {id: 3, x: 6, y: 4}
-  - {id: 4, x: 8, y: 0}
-  - {id: 5, x: 8, y: 2}
-  - {id: 6, x: 8, y: 4}
-  - {id: 7, x: 10, y: 0}
-";
+const HEXAGON: &str = include_str!("../../tests/scenarios/hexagon.yaml");
 
 /// Two rows of three, 2.4 units apart and offset by 0.3.
 const GAP: &str = "
