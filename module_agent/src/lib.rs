@@ -10,6 +10,7 @@ mod journal;
 mod membership;
 mod module_diagnostics;
 mod process;
+mod replays;
 mod store;
 mod worker;
 

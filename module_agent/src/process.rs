@@ -36,6 +36,7 @@ use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing, REMOVE_MODULE};
 use crate::journal::{Journal, KeptMemory, WriteJob};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
+use crate::replays::Replays;
 use crate::worker::Worker;
 
 /// A process that hosts modules.
@@ -139,6 +140,7 @@ impl ModuleProcess {
             host: Host::new(source, starting, timing.0, &motion, std::mem::take(memory)),
             workers,
             removals: Requests::default(),
+            replays: Replays::default(),
             failure: None,
             frame_id: self.hosted.frame_id.clone(),
             module_size: module_size_of(&ros),
@@ -272,6 +274,7 @@ struct ModuleNode {
     workers: Workers,
     /// The requests to report bodies as removed that wait until the modules have listened.
     removals: Requests,
+    replays: Replays,
     /// Why the process cannot go on.
     failure: Option<String>,
     frame_id: String,
@@ -285,10 +288,18 @@ impl Node for ModuleNode {
         let now = self.now();
         match input {
             Input::Messages(Received {
+                source,
+                replayed_after: Some(after),
+                topic,
+                ..
+            }) => self.replays.ignore(source, topic, after),
+            Input::Messages(Received {
                 source, messages, ..
             }) => {
-                for message in messages {
-                    self.host.take_message(source, message);
+                if !self.replays.is_one(source) {
+                    for message in messages {
+                        self.host.take_message(source, message);
+                    }
                 }
             }
             Input::Driver(module, message) => {

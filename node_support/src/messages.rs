@@ -1,15 +1,16 @@
 //! Samples of the protocol's topics as messages of the core.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use formation_model::{Message, ModuleSize, RosterMessage, SourceId};
 use formation_msgs::{
     Eviction, Heartbeat, InSession, IntoCore, MessageError, ModuleStates, OperatorCommand, Roster,
-    SessionId, SpotClaim, TargetConfiguration, Verdict,
+    SessionId, SpotClaim, TargetConfiguration, Time, Verdict,
 };
 use futures::stream::LocalBoxStream;
 use ros_runtime::cdr;
-use ros_runtime::ros_context::{ParticipantId, RosContext, RosContextError};
+use ros_runtime::ros_context::{Origin, ParticipantId, RosContext, RosContextError};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;
 
@@ -22,8 +23,26 @@ pub struct Received {
     pub topic: &'static str,
     /// The participant that sent it.
     pub source: SourceId,
+    /// How long after it was made the sample was sent, if too long for one whose maker sends it: it is played from a
+    /// recording.
+    pub replayed_after: Option<Duration>,
     /// The messages, one for each module that the sample lists.
     pub messages: Vec<Message>,
+}
+
+/// Between the stamp of a sample and its sending there is less time; both are times of the clock of one process.
+const SENDING_MAX: Duration = Duration::from_secs(10);
+/// Stamps before this time since 1970 are times of a simulation.
+const WALL_CLOCK_MIN: Duration = Duration::from_secs(1_000_000_000);
+
+/// By how much a sample was sent later than its stamp says, if it is a recorded one: a player sends recorded bytes at a new
+/// time. `None` as well where sample or middleware tell no wall-clock time.
+fn replayed_after(stamp: Option<Time>, origin: &Origin) -> Option<Duration> {
+    let Time { sec, nanosec } = stamp?;
+    let made = Duration::new(u64::try_from(sec).ok()?, nanosec);
+    let sent = Duration::from_nanos(origin.sent_ns?);
+    let after = sent.checked_sub(made)?;
+    (made >= WALL_CLOCK_MIN && after > SENDING_MAX).then_some(after)
 }
 
 /// The session to which the messages of a node belong.
@@ -51,6 +70,11 @@ pub trait Sample: InSession + DeserializeOwned + 'static {
     /// Names the field that is wrong.
     fn into_messages(self, size: ModuleSize) -> Result<Vec<Message>, MessageError>;
 
+    /// When the sample was made, if its type says so.
+    fn stamp(&self) -> Option<Time> {
+        None
+    }
+
     /// What a sample of another session means to modules of this size; `None` if it is refused.
     fn into_other_session_messages(
         self,
@@ -61,12 +85,16 @@ pub trait Sample: InSession + DeserializeOwned + 'static {
 }
 
 macro_rules! samples {
-    ($($sample:ty => |$raw:ident, $size:ident| $convert:expr $(, $other_session:expr)?;)+) => {
+    ($($sample:ty $([$header:ident])? => |$raw:ident, $size:ident| $convert:expr $(, $other_session:expr)?;)+) => {
         $(impl Sample for $sample {
             fn into_messages(self, $size: ModuleSize) -> Result<Vec<Message>, MessageError> {
                 let $raw = self;
                 $convert
             }
+
+            $(fn stamp(&self) -> Option<Time> {
+                Some(self.$header.stamp)
+            })?
 
             $(fn into_other_session_messages(
                 self,
@@ -81,11 +109,11 @@ macro_rules! samples {
 }
 
 samples! {
-    TargetConfiguration => |raw, size| Ok(vec![Message::Target(Arc::new(raw.into_core(size)?))]);
+    TargetConfiguration [header] => |raw, size| Ok(vec![Message::Target(Arc::new(raw.into_core(size)?))]);
     Roster => |raw, size| Ok(vec![Message::Roster(raw.into_core(size)?)]);
     SpotClaim => |raw, size| Ok(vec![Message::Claim(Arc::new(raw.into_core(size)?))]);
     Eviction => |raw, size| Ok(vec![Message::Eviction(raw.into_core(size)?)]);
-    ModuleStates => |raw, size| {
+    ModuleStates [header] => |raw, size| {
         let states = raw.into_core(size)?.into_iter();
         Ok(states.map(|state| Message::ModuleState(Arc::new(state))).collect())
     }, |mut raw, size| {
@@ -169,13 +197,8 @@ pub fn subscribe<M: Sample>(
 ) -> Result<LocalBoxStream<'static, Received>, RosContextError> {
     let name = topic.name();
     let (ours, size) = (session_of(ros), module_size_of(ros));
-    ros.subscription(topic, move |sender, sample: M| {
-        let messages = accepted(sample, ours, size)?;
-        Ok(Received {
-            topic: name,
-            source: source_id(sender),
-            messages,
-        })
+    ros.subscription(topic, move |origin, sample: M| {
+        received(name, &origin, sample, ours, size)
     })
 }
 
@@ -190,18 +213,29 @@ pub fn subscribe_every_size<M: Sample>(
 ) -> Result<LocalBoxStream<'static, Received>, RosContextError> {
     let name = topic.name();
     let ours = session_of(ros);
-    ros.subscription(topic, move |sender, sample: M| {
+    ros.subscription(topic, move |origin, sample: M| {
         let ours = match ours {
             SessionId::EVERY => sample.session(),
             ours => ours,
         };
         let size = sample.module_size();
-        let messages = accepted(sample, ours, size)?;
-        Ok(Received {
-            topic: name,
-            source: source_id(sender),
-            messages,
-        })
+        received(name, &origin, sample, ours, size)
+    })
+}
+
+fn received<M: Sample>(
+    topic: &'static str,
+    origin: &Origin,
+    sample: M,
+    ours: SessionId,
+    size: ModuleSize,
+) -> Result<Received, String> {
+    let replayed_after = replayed_after(sample.stamp(), origin);
+    Ok(Received {
+        topic,
+        source: source_id(origin.participant),
+        replayed_after,
+        messages: accepted(sample, ours, size)?,
     })
 }
 
@@ -249,11 +283,33 @@ fn accepted_verdict(verdict: Verdict, ours: SessionId) -> Result<Verdict, String
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use formation_model::{Incarnation, ModuleId, ModulePhase, Stop};
 
     use super::*;
+
+    #[test]
+    fn a_sample_that_was_sent_long_after_it_was_made_is_a_replayed_one() {
+        let after = |sec, sent_s: Option<u64>| {
+            let origin = Origin {
+                participant: ParticipantId(1),
+                sent_ns: sent_s.map(|seconds| seconds * 1_000_000_000),
+            };
+            replayed_after(Some(Time { sec, nanosec: 0 }), &origin)
+        };
+        let hour = Duration::from_secs(3_600);
+        assert_eq!(after(1_800_000_000, Some(1_800_003_600)), Some(hour));
+        // Fresh; sent before it was made; of a simulation, never stamped; sent at a time that is not told.
+        assert_eq!(after(1_800_000_000, Some(1_800_000_010)), None);
+        assert_eq!(after(1_800_000_000, Some(1_700_000_000)), None);
+        assert_eq!(after(120, Some(1_800_000_000)), None);
+        assert_eq!(after(0, Some(1_800_000_000)), None);
+        assert_eq!(after(1_800_000_000, None), None);
+        let unstamped = Origin {
+            participant: ParticipantId(1),
+            sent_ns: Some(0),
+        };
+        assert_eq!(replayed_after(None, &unstamped), None);
+    }
 
     fn heartbeat(module: u32) -> formation_model::Heartbeat {
         formation_model::Heartbeat {

@@ -28,7 +28,7 @@ use crate::raw_sample::{RawSample, Undecoded};
 use crate::ros_context_error::{RosContextError, bad_name, library_name};
 use crate::service_mapping::ServiceMapping;
 use crate::stamp::nanoseconds_since_epoch;
-use crate::subscription::{ParticipantId, Taken};
+use crate::subscription::{Origin, ParticipantId, Taken};
 use crate::topic::Topic;
 use crate::wall_clock::WallClockWatchdog;
 
@@ -160,7 +160,7 @@ impl DdsGraph {
         let samples =
             poll_fn(move |context| pin!(subscription.async_take()).poll(context).map(Some));
         let taken = samples.map(|taken| match taken {
-            Ok((sample, info)) => Taken::Sample(sender_of(&info), sample),
+            Ok((sample, info)) => Taken::Sample(origin_of(&info), sample),
             Err(error) => Taken::Malformed(error.to_string()),
         });
         Ok(taken.boxed_local())
@@ -184,7 +184,7 @@ impl DdsGraph {
         let taken = samples.map(|taken| match taken {
             Ok(change) => {
                 let info = MessageInfo::from(&change);
-                Taken::Sample(sender_of(&info), raw_sample(&info, change.into_value()))
+                Taken::Sample(origin_of(&info), raw_sample(&info, change.into_value()))
             }
             Err(error) => Taken::Malformed(error.to_string()),
         });
@@ -259,21 +259,26 @@ fn library_error(what: &str, domain: u16, reason: &dyn ToString) -> RosContextEr
 }
 
 fn raw_sample(info: &MessageInfo, bytes: Vec<u8>) -> RawSample {
-    let nanoseconds = |time: ROSTime| u64::try_from(time.to_nanos()).ok();
     let received = info.received_timestamp().and_then(nanoseconds);
     RawSample {
         publisher: u128::from_be_bytes(info.publisher_gid().to_bytes16()),
         sequence: u64::try_from(info.sequence_number()).unwrap_or_default(),
-        sent_ns: info.source_timestamp().and_then(nanoseconds),
+        sent_ns: origin_of(info).sent_ns,
         received_ns: received.unwrap_or_else(nanoseconds_since_epoch),
         bytes,
     }
 }
 
-/// The participant that sent a sample.
-fn sender_of(info: &MessageInfo) -> ParticipantId {
-    // The first twelve bytes of an endpoint's identifier are its participant's.
-    participant_of(&info.publisher_gid().to_bytes16()[..12])
+fn origin_of(info: &MessageInfo) -> Origin {
+    Origin {
+        // The first twelve bytes of an endpoint's identifier are its participant's.
+        participant: participant_of(&info.publisher_gid().to_bytes16()[..12]),
+        sent_ns: info.source_timestamp().and_then(nanoseconds),
+    }
+}
+
+fn nanoseconds(time: ROSTime) -> Option<u64> {
+    u64::try_from(time.to_nanos()).ok()
 }
 
 fn participant_of(prefix: &[u8]) -> ParticipantId {

@@ -11,10 +11,19 @@ use crate::topic_statistics::{RefusalKind, SharedStatistics, TopicStatistics};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ParticipantId(pub u128);
 
+/// Where a sample comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// The process that sent it.
+    pub participant: ParticipantId,
+    /// When it was sent, by the clock of that process, in nanoseconds since 1970; `None` if it does not say.
+    pub sent_ns: Option<u64>,
+}
+
 /// What a middleware takes from a topic.
 pub(crate) enum Taken<M> {
-    /// A sample and the process that sent it.
-    Sample(ParticipantId, M),
+    /// A sample, and where it comes from.
+    Sample(Origin, M),
     /// A sample that does not decode, and the reason.
     Malformed(String),
     /// The number of samples for which the process had no room.
@@ -28,7 +37,7 @@ pub(crate) fn accepted<M: 'static, T: 'static>(
     own: ParticipantId,
     topic: &'static str,
     statistics: SharedStatistics,
-    mut convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
+    mut convert: impl FnMut(Origin, M) -> Result<T, String> + 'static,
 ) -> LocalBoxStream<'static, T> {
     let accepted = samples.filter_map(move |taken| {
         let mut statistics = statistics.borrow_mut();
@@ -43,11 +52,11 @@ fn accept<M, T>(
     own: ParticipantId,
     topic: &'static str,
     statistics: &mut TopicStatistics,
-    convert: &mut impl FnMut(ParticipantId, M) -> Result<T, String>,
+    convert: &mut impl FnMut(Origin, M) -> Result<T, String>,
 ) -> Option<T> {
     let (kind, reason) = match taken {
-        Taken::Sample(sender, _) if sender == own => return None,
-        Taken::Sample(sender, sample) => match convert(sender, sample) {
+        Taken::Sample(origin, _) if origin.participant == own => return None,
+        Taken::Sample(origin, sample) => match convert(origin, sample) {
             Ok(accepted) => {
                 statistics.on(topic).received += 1;
                 return Some(accepted);
@@ -72,11 +81,20 @@ mod tests {
     #[test]
     fn samples_are_converted_refused_or_ignored_and_counted() {
         let mut statistics = TopicStatistics::default();
-        let (own, other) = (ParticipantId(1), ParticipantId(7));
+        let [own, other] = [1, 7].map(|participant| Origin {
+            participant: ParticipantId(participant),
+            sent_ns: None,
+        });
         let mut take = |taken| {
             let mut convert =
                 |_, sample: i32| u32::try_from(sample).map_err(|_| "negative".to_owned());
-            accept(taken, own, "test", &mut statistics, &mut convert)
+            accept(
+                taken,
+                own.participant,
+                "test",
+                &mut statistics,
+                &mut convert,
+            )
         };
         assert_eq!(take(Taken::Sample(other, 5)), Some(5));
         assert_eq!(

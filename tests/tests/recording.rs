@@ -3,10 +3,10 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, Stdio};
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use formation_tests::{Domain, Finished, Python, Running, scenario_path};
-use serde_json::Value;
+use formation_tests::{Domain, Finished, Peer, Python, Running, scenario_path};
+use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(90);
 
@@ -218,4 +218,45 @@ fn the_report_of_a_recording_shows_the_run_and_what_is_damaged() {
         "{}",
         refused.stderr
     );
+}
+
+/// A target of one spot as it was announced some time ago, or is now.
+fn announced(revision: u64, spot: u32, age: Duration) -> Value {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap() - age;
+    let planner = json!({
+        "policy": "exact", "order": 0, "d_max": -1, "exact_finish": false, "weight_loc": 1.0,
+        "weight_dock": 0.1, "weight_undock": 0.05, "cut_price": 1.0, "spread": 0.001, "keep_all_spots": false,
+    });
+    json!({
+        "header": {"stamp": {"sec": since_1970.as_secs(), "nanosec": 0}},
+        "revision": revision, "expected_modules": 1,
+        "spots": [{"id": spot, "x": 2.0, "y": 0.0}], "planner": planner,
+    })
+}
+
+#[test]
+fn a_module_ignores_who_plays_a_recording_and_says_so() {
+    let domain = &*Domain::for_processes(6);
+    let (Some(mut player), Some(claims)) = (
+        Peer::start("put", "target", domain),
+        Peer::start("take", "claims", domain),
+    ) else {
+        return;
+    };
+    player.await_ready();
+    let module = Running::start(
+        "module_agent",
+        domain,
+        &["--module", "1", "--x", "0", "--y", "0"],
+    );
+    player.put(&announced(3, 8, Duration::from_secs(3_600)));
+    let warning = "ignores a participant that plays a recording";
+    assert!(module.wait_for_log(0, warning, PATIENCE).is_some());
+    // It sends anew what its recording holds, by now as fresh as can be.
+    player.put(&announced(4, 8, Duration::ZERO));
+    let mut announcer = Peer::start("put", "target", domain).unwrap();
+    announcer.put(&announced(2, 9, Duration::ZERO));
+    let claim = claims.taken();
+    assert_eq!(claim["selections"][0]["spot_id"], 9, "{claim}");
+    assert_eq!(module.stop().status, 0);
 }

@@ -31,7 +31,7 @@ use crate::raw_sample::RawSample;
 use crate::ros_context_error::RosContextError;
 use crate::service::{Call, DeclaredService, Reply, RequestId, WAITING_MAX};
 use crate::stamp::{nanoseconds_since_epoch, since_epoch};
-use crate::subscription::{ParticipantId, Taken};
+use crate::subscription::{Origin, ParticipantId, Taken};
 use crate::topic::{Quality, Topic};
 
 /// A publisher of a latched topic reports at most this often how many samples it has sent, so that a subscription notices
@@ -203,8 +203,8 @@ impl ZenohGraph {
     ) -> Result<LocalBoxStream<'static, Taken<M>>, RosContextError> {
         let samples = self.raw_subscription(topic, name)?;
         let decoded = samples.map(|taken| match taken {
-            Taken::Sample(sender, raw) => match cdr::decoded(&raw.bytes) {
-                Ok(sample) => Taken::Sample(sender, sample),
+            Taken::Sample(origin, raw) => match cdr::decoded(&raw.bytes) {
+                Ok(sample) => Taken::Sample(origin, sample),
                 Err(reason) => Taken::Malformed(reason),
             },
             Taken::Malformed(reason) => Taken::Malformed(reason),
@@ -231,7 +231,16 @@ impl ZenohGraph {
             .callback(move |sample| taken(sample));
         let wrong = |error: zenoh::Error| failed(&format!("subscribe `{name}`"), &error);
         let taken = samples.map(|arrived| match arrived {
-            Ok((sender, sample)) => Taken::Sample(sender, sample),
+            Ok((participant, sample)) => {
+                let sent_ns = sample.sent_ns;
+                Taken::Sample(
+                    Origin {
+                        participant,
+                        sent_ns,
+                    },
+                    sample,
+                )
+            }
             Err(reason) => Taken::Malformed(reason.to_owned()),
         });
         let with_losses = move |taken| match lost.swap(0, Ordering::Relaxed) {
