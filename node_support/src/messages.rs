@@ -10,7 +10,7 @@ use formation_msgs::{
 };
 use futures::stream::LocalBoxStream;
 use ros_runtime::cdr;
-use ros_runtime::ros_context::{Origin, ParticipantId, RosContext, RosContextError};
+use ros_runtime::ros_context::{ParticipantId, RosContext, RosContextError, SampleOrigin};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;
 
@@ -37,7 +37,7 @@ const WALL_CLOCK_MIN: Duration = Duration::from_secs(1_000_000_000);
 
 /// By how much a sample was sent later than its stamp says, if it is a recorded one: a player sends recorded bytes at a new
 /// time. `None` as well where sample or middleware tell no wall-clock time.
-fn replayed_after(stamp: Option<Time>, origin: &Origin) -> Option<Duration> {
+fn replayed_after(stamp: Option<Time>, origin: &SampleOrigin) -> Option<Duration> {
     let Time { sec, nanosec } = stamp?;
     let made = Duration::new(u64::try_from(sec).ok()?, nanosec);
     let sent = Duration::from_nanos(origin.sent_ns?);
@@ -113,7 +113,7 @@ samples! {
     Roster => |raw, size| Ok(vec![Message::Roster(raw.into_core(size)?)]);
     SpotClaim => |raw, size| Ok(vec![Message::Claim(Arc::new(raw.into_core(size)?))]);
     Eviction => |raw, size| Ok(vec![Message::Eviction(raw.into_core(size)?)]);
-    ModuleStates [header] => |raw, size| {
+    ModuleStates => |raw, size| {
         let states = raw.into_core(size)?.into_iter();
         Ok(states.map(|state| Message::ModuleState(Arc::new(state))).collect())
     }, |mut raw, size| {
@@ -225,7 +225,7 @@ pub fn subscribe_every_size<M: Sample>(
 
 fn received<M: Sample>(
     topic: &'static str,
-    origin: &Origin,
+    origin: &SampleOrigin,
     sample: M,
     ours: SessionId,
     size: ModuleSize,
@@ -290,7 +290,7 @@ mod tests {
     #[test]
     fn a_sample_that_was_sent_long_after_it_was_made_is_a_replayed_one() {
         let after = |sec, sent_s: Option<u64>| {
-            let origin = Origin {
+            let origin = SampleOrigin {
                 participant: ParticipantId(1),
                 sent_ns: sent_s.map(|seconds| seconds * 1_000_000_000),
             };
@@ -304,7 +304,7 @@ mod tests {
         assert_eq!(after(120, Some(1_800_000_000)), None);
         assert_eq!(after(0, Some(1_800_000_000)), None);
         assert_eq!(after(1_800_000_000, None), None);
-        let unstamped = Origin {
+        let unstamped = SampleOrigin {
             participant: ParticipantId(1),
             sent_ns: Some(0),
         };

@@ -20,6 +20,7 @@ use crate::arguments::NodeIdentity;
 use crate::dds_deadlock::DeadlockWatchdog;
 use crate::dds_liveness::LivenessWatchdog;
 use crate::environment::{DiscoveryRange, Environment};
+use crate::fast_dds;
 use crate::interfaces::{discovery_obstacle, interfaces};
 use crate::matched_readers::MatchedReaders;
 use crate::parameters::Parameters;
@@ -28,7 +29,7 @@ use crate::raw_sample::{RawSample, Undecoded};
 use crate::ros_context_error::{RosContextError, bad_name, library_name};
 use crate::service_mapping::ServiceMapping;
 use crate::stamp::nanoseconds_since_epoch;
-use crate::subscription::{Origin, ParticipantId, Taken};
+use crate::subscription::{ParticipantId, SampleOrigin, Taken};
 use crate::topic::Topic;
 use crate::wall_clock::WallClockWatchdog;
 
@@ -84,6 +85,7 @@ impl DdsGraph {
         if let Some(obstacle) = discovery_obstacle(environment.range, &interfaces(), participants) {
             return Err(RosContextError::BadInput(obstacle));
         }
+        fast_dds::meet(&participant);
         let context = deadlock
             .watch(|| Context::from_domain_participant(participant.clone()))
             .map_err(|error| failed("create a ROS 2 context", &error))?;
@@ -269,8 +271,8 @@ fn raw_sample(info: &MessageInfo, bytes: Vec<u8>) -> RawSample {
     }
 }
 
-fn origin_of(info: &MessageInfo) -> Origin {
-    Origin {
+fn origin_of(info: &MessageInfo) -> SampleOrigin {
+    SampleOrigin {
         // The first twelve bytes of an endpoint's identifier are its participant's.
         participant: participant_of(&info.publisher_gid().to_bytes16()[..12]),
         sent_ns: info.source_timestamp().and_then(nanoseconds),

@@ -23,6 +23,7 @@ pub mod diagnostics;
 pub mod environment;
 mod event_loop;
 pub mod exit;
+mod fast_dds;
 pub mod goals;
 mod graph;
 pub mod inputs;

@@ -23,7 +23,7 @@ use crate::topic::{Quality, Topic};
 use crate::topic_statistics::SharedStatistics;
 
 pub use crate::ros_context_error::RosContextError;
-pub use crate::subscription::{Origin, ParticipantId};
+pub use crate::subscription::{ParticipantId, SampleOrigin};
 
 /// A process's place in the ROS 2 graph.
 ///
@@ -121,7 +121,7 @@ impl RosContext {
     pub fn subscription<M: DeserializeOwned + 'static, T: 'static>(
         &mut self,
         topic: &Topic<M>,
-        convert: impl FnMut(Origin, M) -> Result<T, String> + 'static,
+        convert: impl FnMut(SampleOrigin, M) -> Result<T, String> + 'static,
     ) -> Result<LocalBoxStream<'static, T>, RosContextError> {
         let name = self.resolve(Resource::Topic, &topic.path())?;
         let samples = self.graph.subscription(topic, &name)?;

@@ -13,7 +13,7 @@ pub struct ParticipantId(pub u128);
 
 /// Where a sample comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Origin {
+pub struct SampleOrigin {
     /// The process that sent it.
     pub participant: ParticipantId,
     /// When it was sent, by the clock of that process, in nanoseconds since 1970; `None` if it does not say.
@@ -23,7 +23,7 @@ pub struct Origin {
 /// What a middleware takes from a topic.
 pub(crate) enum Taken<M> {
     /// A sample, and where it comes from.
-    Sample(Origin, M),
+    Sample(SampleOrigin, M),
     /// A sample that does not decode, and the reason.
     Malformed(String),
     /// The number of samples for which the process had no room.
@@ -37,7 +37,7 @@ pub(crate) fn accepted<M: 'static, T: 'static>(
     own: ParticipantId,
     topic: &'static str,
     statistics: SharedStatistics,
-    mut convert: impl FnMut(Origin, M) -> Result<T, String> + 'static,
+    mut convert: impl FnMut(SampleOrigin, M) -> Result<T, String> + 'static,
 ) -> LocalBoxStream<'static, T> {
     let accepted = samples.filter_map(move |taken| {
         let mut statistics = statistics.borrow_mut();
@@ -52,7 +52,7 @@ fn accept<M, T>(
     own: ParticipantId,
     topic: &'static str,
     statistics: &mut TopicStatistics,
-    convert: &mut impl FnMut(Origin, M) -> Result<T, String>,
+    convert: &mut impl FnMut(SampleOrigin, M) -> Result<T, String>,
 ) -> Option<T> {
     let (kind, reason) = match taken {
         Taken::Sample(origin, _) if origin.participant == own => return None,
@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn samples_are_converted_refused_or_ignored_and_counted() {
         let mut statistics = TopicStatistics::default();
-        let [own, other] = [1, 7].map(|participant| Origin {
+        let [own, other] = [1, 7].map(|participant| SampleOrigin {
             participant: ParticipantId(participant),
             sent_ns: None,
         });

@@ -30,6 +30,12 @@ impl RosTool {
         Self::start_script("action_client.py", arguments)
     }
 
+    /// Starts `observer.py` for a domain, likewise.
+    #[must_use]
+    pub fn start_observer(domain: &str, limit_s: &str) -> Option<Self> {
+        Self::start_script("observer.py", &["cyclone", domain, limit_s])
+    }
+
     fn start_script(name: &str, arguments: &[&str]) -> Option<Self> {
         let python = Python::find()?;
         let script = format!("tests/python/{name}");

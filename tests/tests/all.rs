@@ -14,6 +14,7 @@ mod faults;
 mod formations;
 mod fresh_clients;
 mod launch_files;
+mod observers;
 mod off_lattice;
 mod packages;
 mod physical_world;

@@ -234,6 +234,7 @@ fn announced(revision: u64, spot: u32, age: Duration) -> Value {
     })
 }
 
+/// Shows C7.
 #[test]
 fn a_module_ignores_who_plays_a_recording_and_says_so() {
     let domain = &*Domain::for_processes(6);

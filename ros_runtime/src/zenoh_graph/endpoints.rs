@@ -31,7 +31,7 @@ use crate::raw_sample::RawSample;
 use crate::ros_context_error::RosContextError;
 use crate::service::{Call, DeclaredService, Reply, RequestId, WAITING_MAX};
 use crate::stamp::{nanoseconds_since_epoch, since_epoch};
-use crate::subscription::{Origin, ParticipantId, Taken};
+use crate::subscription::{ParticipantId, SampleOrigin, Taken};
 use crate::topic::{Quality, Topic};
 
 /// A publisher of a latched topic reports at most this often how many samples it has sent, so that a subscription notices
@@ -234,7 +234,7 @@ impl ZenohGraph {
             Ok((participant, sample)) => {
                 let sent_ns = sample.sent_ns;
                 Taken::Sample(
-                    Origin {
+                    SampleOrigin {
                         participant,
                         sent_ns,
                     },
