@@ -4,7 +4,7 @@ import json
 
 import formation
 import pytest
-from cgshop_instances import KINDS, draw
+from formation.benchmarks import KINDS, draw
 
 
 @pytest.fixture

@@ -1,8 +1,10 @@
-"""Instances of the kinds that the CG:SHOP Challenge 2021 has, from a seed: in a field of given width, a share of whose cells have robots.
+"""Instances of labelled robots on cells, from a seed, of the kinds that the CG:SHOP Challenge 2021 has.
 
-The contest draws starts and targets uniformly or in clusters, on an open grid or between obstacles, and turns pictures into swarms that
-dissolve into others. These are drawn by the same words, not by its programs.
+The contest draws starts and targets uniformly or in clusters, on an open grid or between obstacles, and dissolves pictures into others.
+These are drawn by the same words, not by its programs.
 """
+
+from __future__ import annotations
 
 import random
 
