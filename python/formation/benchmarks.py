@@ -13,6 +13,7 @@ import argparse
 import importlib
 import importlib.metadata
 import json
+import math
 import os
 import platform
 import sys
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 __all__ = ["KINDS", "TABLES", "as_neutral", "assignment", "draw", "motion", "subgraph"]
 
+#: How often both sides compute an answer of which the shortest time counts.
+_ROUNDS = 3
 #: Free cells round the field for solvers that need a bounded grid.
 _MARGIN = 4
 
@@ -93,10 +96,20 @@ def _judged(verdict: Mapping[str, Any]) -> str:
     return "valid" if verdict["valid"] else f"{len(verdict['violations'])} violations: {verdict['violations'][0]}"
 
 
-def _timed(run: Callable[[], Any]) -> tuple[Any, float]:
-    begun = time.perf_counter()
-    answer = run()
-    return answer, time.perf_counter() - begun
+def _timed(run: Callable[[], Any], rounds: int = 1) -> tuple[Any, float]:
+    """The answer, and the shortest of so many times in seconds."""
+    times = []
+    for _ in range(rounds):
+        begun = time.perf_counter()
+        answer = run()
+        times.append(time.perf_counter() - begun)
+    return answer, min(times)
+
+
+def _planned(scenario: Scenario) -> tuple[Plan, float]:
+    """A plan, and the shortest of the times that its allocation takes, in seconds."""
+    plans = [plan(scenario) for _ in range(_ROUNDS)]
+    return plans[-1], min(made.numbers["planning_us"] for made in plans) / 1e6
 
 
 def _pairs(spot_of: Mapping[int, int]) -> dict[str, Any]:
@@ -111,21 +124,22 @@ def assignment(seeds: Iterable[int], sizes: Iterable[int] = (30, 100, 300)) -> I
         for seed in seeds:
             scenario = Scenario.generate(size, size, seed=seed).with_planner(spread=0.0)
             utilities = scenario.utilities
-            made = plan(scenario)
-            (rows, columns), theirs_s = _timed(lambda matrix=utilities: linear_sum_assignment(matrix, maximize=True))
+            made, ours_s = _planned(scenario)
+            (rows, columns), theirs_s = _timed(
+                lambda matrix=utilities: linear_sum_assignment(matrix, maximize=True), _ROUNDS
+            )
             modules, spots = scenario.module_ids, scenario.spot_ids
             theirs = {modules[row]: spots[column] for row, column in zip(rows.tolist(), columns.tolist())}
             known, ours = as_neutral(made)
             del ours["motion"]
             verdicts = [neutral_check.judge(known, result) for result in (ours, _pairs(theirs))]
             note = f"ours {_judged(verdicts[0])}, SciPy's {_judged(verdicts[1])}"
-            sums = [
-                sum(float(utilities[modules.index(module), spots.index(spot)]) for module, spot in pairs.items())
+            costs = [
+                -math.fsum(float(utilities[modules.index(module), spots.index(spot)]) for module, spot in pairs.items())
                 for pairs in (made.assignments, theirs)
             ]
             task = f"{size} to {size}, seed {seed}"
-            yield _row(task, "sum of utilities (more)", sums[0], sums[1], "SciPy", note, more=True)
-            ours_s = made.numbers["planning_us"] / 1e6
+            yield _row(task, "cost (less the sum of utilities), units", costs[0], costs[1], "SciPy", note)
             yield _row(task, "time, s", ours_s, theirs_s, "SciPy", "ours from the poses on, SciPy's from the matrix")
 
 
@@ -139,13 +153,13 @@ def subgraph(seeds: Iterable[int], sizes: Iterable[int] = (10, 20, 30)) -> Itera
         for seed in seeds:
             scenario = Scenario.generate(size, 100, seed=seed, configuration_size=size)
             scenario = scenario.with_planner(keep_all_spots=True, spread=0.0)
-            made = plan(scenario)
+            made, ours_s = _planned(scenario)
             modules, spots = scenario.module_ids, scenario.spot_ids
             known, ours = as_neutral(made)
             ours = {"allocation": ours["allocation"]}
             graphs = [(len(modules), scenario.links.tolist()), (len(spots), scenario.edges.tolist())]
             pair = [_molecule(Chem, *graph) for graph in graphs]
-            found, theirs_s = _timed(lambda pair=pair: rdFMCS.FindMCS(pair, timeout=60))
+            found, theirs_s = _timed(lambda pair=pair: rdFMCS.FindMCS(pair, timeout=60), _ROUNDS)
             pattern = Chem.MolFromSmarts(found.smartsString)
             nodes = [list(one.GetSubstructMatch(pattern)) for one in pair]
             spot_of = {modules[module]: spots[spot] for module, spot in zip(*nodes)}
@@ -157,7 +171,6 @@ def subgraph(seeds: Iterable[int], sizes: Iterable[int] = (10, 20, 30)) -> Itera
             task = f"{size} in 100, seed {seed}"
             cut = "; RDKit's search was cut at 60 s" if found.canceled else ""
             yield _row(task, "modules that stay docked (more)", blocks[0], blocks[1], "RDKit", note + cut, more=True)
-            ours_s = made.numbers["planning_us"] / 1e6
             yield _row(task, "time, s", ours_s, theirs_s, "RDKit", "ours is the whole allocation, and minds utility" + cut)
 
 
