@@ -1,7 +1,7 @@
 """Instances of labelled robots on cells, from a seed, of the kinds that the CG:SHOP Challenge 2021 has.
 
-The contest draws starts and targets uniformly or in clusters, on an open grid or between obstacles, and dissolves pictures into others.
-These are drawn by the same words, not by its programs.
+The contest draws starts and targets uniformly or in clusters, on an open grid or between obstacles, and dissolves pictures into
+others. These are drawn by the same words, not by its programs.
 """
 
 from __future__ import annotations

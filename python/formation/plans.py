@@ -107,8 +107,8 @@ class Plan:
     def cgshop_solution(self) -> dict[str, Any]:
         """The paths as a solution of the CG:SHOP Challenge 2021, as ``formation plan --cgshop`` prints it.
 
-        ``instance`` is the name of the scenario, ``steps`` has for each step the direction (``N``, ``E``, ``S`` or ``W``) of each robot
-        that moves by a cell, by its number: that of its module, as text.
+        ``instance`` is the name of the scenario, ``steps`` has for each step the direction (``N``, ``E``, ``S`` or ``W``) of each
+        robot that moves by a cell, by its number: that of its module, as text.
 
         Raises:
             PlanError: there are no paths, or a step is none from a cell to the next, as of a module that turns.

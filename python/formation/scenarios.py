@@ -27,8 +27,8 @@ class Scenario:
     """A validated scenario.
 
     Make one with :meth:`from_yaml`, :meth:`from_file`, :meth:`from_dict`, :meth:`from_map`, :meth:`generate`,
-    :meth:`import_map` or :meth:`import_cgshop`. It never changes. Lengths are in units (the size of a module), headings in radians.
-    ``docs/scenario_file.md`` describes every field.
+    :meth:`import_map` or :meth:`import_cgshop`. It never changes. Lengths are in units (the size of a module), headings in
+    radians. ``docs/scenario_file.md`` describes every field.
     """
 
     def __init__(self, native: _native.NativeScenario) -> None:
@@ -141,8 +141,8 @@ class Scenario:
     def import_cgshop(cls, path: str | Path) -> Scenario:
         """Read an instance of the CG:SHOP Challenge 2021, Coordinated Motion Planning: a JSON file.
 
-        Robot r is module r and goes to spot r, under the policy ``given``. Its targets may be in several parts, which can be planned but
-        not formed. :meth:`Plan.cgshop_solution` has the steps for the contest's checker.
+        Robot r is module r and goes to spot r, under the policy ``given``. Its targets may be in several parts, which can be planned
+        but not formed. :meth:`Plan.cgshop_solution` has the steps for the contest's checker.
 
         Raises:
             OptionError: names what is wrong with the instance.
