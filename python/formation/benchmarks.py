@@ -2,9 +2,9 @@
 
     python -m formation.benchmarks [assignment] [subgraph] [motion] [--seeds N] [--json FILE]
 
-Each answer is judged by :mod:`formation.neutral_check`, which shares nothing with the planner. A row is a quantity of which less is
-better, or more for what is named so; those in which ours is behind come first. What is not installed is named: ``numpy`` and ``scipy``
-solve assignments, ``rdkit`` common subgraphs, ``rt-lacam`` motion.
+Each answer is judged by :mod:`formation.neutral_check`, which shares nothing with the planner. A row is a quantity of which
+less is better, or more for what is named so; those in which ours is behind come first. What is not installed is named:
+``numpy`` and ``scipy`` solve assignments, ``rdkit`` common subgraphs, ``rt-lacam`` motion.
 """
 
 from __future__ import annotations
@@ -191,8 +191,8 @@ def _molecule(chem: Any, nodes: int, edges: Iterable[tuple[int, int]]) -> Any:
 def motion(seeds: Iterable[int], sizes: Iterable[tuple[int, float]] = ((10, 0.2), (10, 0.5), (20, 0.3))) -> Iterator[Row]:
     """Labelled robots on cells, against real-time LaCAM with 100 ms a step.
 
-    LaCAM plans in another model: robots may enter a cell as another leaves it in any direction, which squares of the size of a cell
-    may only in the same direction. Its result is judged in the model ``cells``, ours in ``bodies``.
+    LaCAM plans in another model: robots may enter a cell as another leaves it in any direction, which squares of the size of a
+    cell may only in the same direction. Its result is judged in the model ``cells``, ours in ``bodies``.
     """
     from rt_lacam import RTLaCAM
 

@@ -2,10 +2,10 @@
 
     python3 neutral_check.py INSTANCE.json RESULT.json [--model bodies|cells]
 
-It judges the result of any planner, which ``docs/neutral_format.md`` describes, and prints what is wrong and what the result costs.
-The status is 0 for a valid result, 1 for another one, 2 for what cannot be read. In the model ``bodies`` modules are squares or circles
-that move straight on between waypoints and never overlap. In the model ``cells``, that of multi-agent path finding, they are at one
-cell at each whole time, no two at the same one, and no two change places.
+It judges the result of any planner, which ``docs/neutral_format.md`` describes, and prints what is wrong and what the result
+costs. The status is 0 for a valid result, 1 for another one, 2 for what cannot be read. In the model ``bodies`` modules are
+squares or circles that move straight on between waypoints and never overlap. In the model ``cells``, that of multi-agent path
+finding, they are at one cell at each whole time, no two at the same one, and no two change places.
 """
 
 from __future__ import annotations

@@ -141,8 +141,8 @@ class Scenario:
     def import_cgshop(cls, path: str | Path) -> Scenario:
         """Read an instance of the CG:SHOP Challenge 2021, Coordinated Motion Planning: a JSON file.
 
-        Robot r is module r and goes to spot r, under the policy ``given``. Its targets may be in several parts, which can be planned
-        but not formed. :meth:`Plan.cgshop_solution` has the steps for the contest's checker.
+        Robot r is module r and goes to spot r, under the policy ``given``. Its targets may be in several parts, which can be
+        planned but not formed. :meth:`Plan.cgshop_solution` has the steps for the contest's checker.
 
         Raises:
             OptionError: names what is wrong with the instance.

@@ -1,8 +1,8 @@
 """Solves instances of the CG:SHOP Challenge 2021 and has the contest's own checker judge the solutions.
 
 Prints for each instance the seconds, and how many times longer than the bound the solution takes: the most steps that any robot
-needs when it is alone. Solves those in a folder, as the contest publishes them (NAME.instance.json), or without one draws some of the
-same kinds. Ends with an error if an instance of at most 300 robots is not solved within 60 s.
+needs when it is alone. Solves those in a folder, as the contest publishes them (NAME.instance.json), or without one draws some
+of the same kinds. Ends with an error if an instance of at most 300 robots is not solved within 60 s.
 
 Usage: measure_cgshop.py [ROBOTS_MAX [FOLDER]]
 """
@@ -74,7 +74,8 @@ def main():
         if solved:
             ratios = sorted(steps / max(1, bound) for _, steps, bound in solved)
             longest = max(seconds for seconds, _, _ in solved)
-            line += f", {longest:.1f} s at most; {statistics.median(ratios):.2f} times the bound in the median, {ratios[-1]:.2f} at most"
+            middle = statistics.median(ratios)
+            line += f", {longest:.1f} s at most; {middle:.2f} times the bound in the median, {ratios[-1]:.2f} at most"
         print(line)
     late = [answer for answer in rows[True] if isinstance(answer, str) or answer[0] > SECONDS_SURE]
     sys.exit(1 if late else 0)
