@@ -496,7 +496,7 @@ def _first_wall(problem, grid, point, later):
     is_round, half = problem.is_round, problem.width / 2
     turns = point[2] != later[2] or not _is_square_on(point[2])
     swept = math.dist(point[:2], later[:2]) + half * math.sqrt(2) * abs(later[2] - point[2])
-    # Between the ends of a straight way without a turn, a box is found by the coordinates at the ends of their common time.
+    # Without obstacles and turns, a way is within the arena if its ends are.
     count = max(1, math.ceil(swept / STRIDE)) if (turns or is_round or grid) else 1
     for number in range(count + 1):
         pose = tuple(a + number / count * (b - a) for a, b in zip(point[:3], later[:3]))

@@ -61,8 +61,7 @@ fn the_end_of_the_time_names_who_is_silent() {
 /// Nobody moves on without a module to which the target gives a spot.
 #[test]
 fn the_end_of_the_time_names_whose_allocation_waits() {
-    let mut sequence = good_sequence();
-    let give = |modules: &[u32]| {
+    let given = |modules: &[u32]| {
         let pairs = modules.iter().zip(1..);
         let raw = RawGiven {
             allocation: pairs
@@ -70,15 +69,15 @@ fn the_end_of_the_time_names_whose_allocation_waits() {
                 .collect(),
             detached: Vec::new(),
         };
-        let given = Target::clone(&star()).with_given(&raw).unwrap();
-        Some(Arc::new(given))
+        Arc::new(Target::clone(&star()).with_given(&raw).unwrap())
     };
-    let parameters = ObserverParameters {
-        time_limit: at(30),
-        ..ObserverParameters::default()
-    };
-    let mut sentences = |modules: &[u32]| -> Vec<String> {
-        sequence.target.target = give(modules);
+    let sentences = |modules: &[u32]| -> Vec<String> {
+        let mut sequence = good_sequence();
+        sequence.target.target = Some(given(modules));
+        let parameters = ObserverParameters {
+            time_limit: at(30),
+            ..ObserverParameters::default()
+        };
         let mut observer = observe(&sequence.messages(), parameters);
         beat(&mut observer, at(30), [1, 2, 4, 5]);
         let verdict = observer.verdict(at(31)).unwrap();
