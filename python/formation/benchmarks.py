@@ -206,6 +206,8 @@ def motion(seeds: Iterable[int], sizes: Iterable[tuple[int, float]] = ((10, 0.2)
                     scenario = Scenario.import_cgshop(path)
                 made, ours_s = _timed(lambda scenario=scenario: plan(scenario))
                 known, ours = as_neutral(made)
+                # Robots of the contest fill their cells.
+                known["body_width"] = 1.0
                 theirs, theirs_s = _timed(lambda drawn=drawn, width=width: _lacam(RTLaCAM, drawn, width))
                 ours_verdict = neutral_check.judge(known, ours)
                 task = f"{drawn['name']}, seed {seed}"
@@ -213,7 +215,7 @@ def motion(seeds: Iterable[int], sizes: Iterable[tuple[int, float]] = ((10, 0.2)
                     yield _row(task, "makespan, steps", made.makespan or 0, 0, "LaCAM", "LaCAM found no end in 10,000 steps")
                     continue
                 theirs_verdict = neutral_check.judge(known, theirs, "cells")
-                contacts = len(neutral_check.judge({**known, "body_width": 1.0}, theirs)["violations"])
+                contacts = len(neutral_check.judge(known, theirs)["violations"])
                 note = (
                     f"ours {_judged(ours_verdict)}, LaCAM's {_judged(theirs_verdict)} in the model of cells; as squares "
                     f"{contacts} pairs of its robots touch"

@@ -494,6 +494,12 @@ def _walls(problem, paths):
 
 def _first_wall(problem, grid, point, later):
     is_round, half = problem.is_round, problem.width / 2
+    is_along_an_axis = point[0] == later[0] or point[1] == later[1]
+    if not is_round and point[2] == later[2] and _is_square_on(point[2]) and is_along_an_axis:
+        # The square sweeps a box, and nothing beside it.
+        low = [min(point[axis], later[axis]) - half for axis in (0, 1)]
+        high = [max(point[axis], later[axis]) + half for axis in (0, 1)]
+        return _wall_of_box(problem, grid, (*low, *high))
     turns = point[2] != later[2] or not _is_square_on(point[2])
     swept = math.dist(point[:2], later[:2]) + half * math.sqrt(2) * abs(later[2] - point[2])
     # Without obstacles and turns, a way is within the arena if its ends are.
@@ -504,15 +510,30 @@ def _first_wall(problem, grid, point, later):
         reach = half if is_round else max(corner[0] for corner in corners) - pose[0]
         box = (pose[0] - reach, pose[1] - reach, pose[0] + reach, pose[1] + reach)
         arena = problem.arena
-        if arena is not None and (
-            box[0] < arena[0] - TOUCH or box[1] < arena[1] - TOUCH or box[2] > arena[2] + TOUCH or box[3] > arena[3] + TOUCH
-        ):
+        if arena is not None and not _is_within(box, arena):
             return "leaves the arena"
         for x in range(math.floor(box[0] / 4), math.floor(box[2] / 4) + 1):
             for y in range(math.floor(box[1] / 4), math.floor(box[3] / 4) + 1):
                 if any(_meets_box(pose, corners, wall, problem) for wall in grid.get((x, y), ())):
                     return "is in an obstacle"
     return None
+
+
+def _wall_of_box(problem, grid, box):
+    arena = problem.arena
+    if arena is not None and not _is_within(box, arena):
+        return "leaves the arena"
+    for x in range(math.floor(box[0] / 4), math.floor(box[2] / 4) + 1):
+        for y in range(math.floor(box[1] / 4), math.floor(box[3] / 4) + 1):
+            for wall in grid.get((x, y), ()):
+                if _boxes_meet(box, (wall[0] + TOUCH, wall[1] + TOUCH, wall[2] - TOUCH, wall[3] - TOUCH)):
+                    return "is in an obstacle"
+    return None
+
+
+def _is_within(box, arena):
+    low = box[0] >= arena[0] - TOUCH and box[1] >= arena[1] - TOUCH
+    return low and box[2] <= arena[2] + TOUCH and box[3] <= arena[3] + TOUCH
 
 
 def _meets_box(pose, corners, wall, problem):

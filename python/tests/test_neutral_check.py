@@ -77,6 +77,7 @@ def test_a_good_result_is_valid_and_measured():
             "modules 1 and 2 overlap at time 1.",
         ),
         ([path(1, (0, 0, 0), (1, -0.2, 2), (2, 0.5, 4), (2, 0, 5)), GOOD["motion"][1]], None, "module 1 is in an obstacle"),
+        ([path(1, (0, 0, 0), (0, 1, 1), (2, 1, 3), (2, 0, 4)), GOOD["motion"][1]], None, "module 1 is in an obstacle"),
         # Swapped: each at the other's spot.
         ([path(1, (0, 0, 0), (2, 0, 2)), path(2, (0, 2, 0), (2, 2, 2))], ((1, 2), (2, 1)), "module 1 does not end on spot 2"),
         # Teleport.
