@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from . import neutral_check
 from ._instances import KINDS, draw
-from .plans import Plan, instance, plan
+from .plans import Plan, plan
 from .scenarios import Scenario
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ def as_neutral(made: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
     Without configurations the times are those of the plan, in steps; with some, those of simulated drives, in seconds, and a step
     of a block that folds takes as long as any other, so no speed is judged.
     """
-    known = instance(made.scenario)
-    del known["utilities"]
+    known = json.loads(made.scenario._native.instance_json())
     fields = made.scenario.to_dict()
     known["body"] = fields.get("body", "square")
     known["given"] = fields["target"].get("allocation")
