@@ -1,6 +1,6 @@
 //! `formation plan`.
 
-use formation_offline::{CheckedPlan, WithoutSpread};
+use formation_offline::{CgshopSolution, CheckedPlan, WithoutSpread};
 use ros_runtime::exit::{Failure, one_line};
 
 use crate::arguments::PlanArguments;
@@ -36,7 +36,13 @@ pub fn run(arguments: &PlanArguments) -> Result<(), Failure> {
     if let Some(directory) = report {
         write_report(&directory, &plan, scenario.name(), without_spread)?;
     }
-    if arguments.json {
+    if arguments.cgshop {
+        let solution = CgshopSolution::of(scenario.name(), &plan);
+        let solution = solution.map_err(|error| {
+            Failure::bad_input(format_args!("{}: {error}", scenario_file::named(path)))
+        })?;
+        console::result_json(&solution)?;
+    } else if arguments.json {
         console::result_json(&plan.whole_report(without_spread))?;
     } else {
         console::result_text(&plan.text(&one_line(scenario.name()), without_spread.as_ref()))?;

@@ -39,7 +39,7 @@ pub fn named(name: &str) -> Result<Policy, String> {
 /// The problem of a scenario, under another policy if one is named.
 ///
 /// # Errors
-/// The scenario gives no allocation, and the policy is `given`.
+/// The scenario gives no allocation, and the policy is `given`; or its target is in parts, and the policy is another.
 pub fn problem_under(
     scenario: &Scenario,
     policy: Option<Policy>,
@@ -50,6 +50,15 @@ pub fn problem_under(
     };
     if policy == Policy::Given && problem.target().given().is_none() {
         return Err("target.allocation: is missing, and the policy `given` needs it".to_owned());
+    }
+    if policy != Policy::Given {
+        let formable = scenario.check_formable();
+        formable.map_err(|_| {
+            format!(
+                "target.in_parts: belongs to `policy: given`; the policy is {}",
+                policy.name()
+            )
+        })?;
     }
     let parameters = problem.parameters().under(policy);
     Ok(Arc::new(problem.with_parameters(parameters)))

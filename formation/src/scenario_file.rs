@@ -29,6 +29,17 @@ pub fn load(path: &Path) -> Result<Scenario, Failure> {
         .map_err(Failure::BadInput)
 }
 
+/// Like [`load`], and refuses a target that modules cannot dock into one formation.
+///
+/// # Errors
+/// Names the file and what is wrong with it.
+pub fn load_formable(path: &Path) -> Result<Scenario, Failure> {
+    let scenario = load(path)?;
+    let formable = scenario.check_formable().with_context(|| named(path));
+    formable.map_err(Failure::BadInput)?;
+    Ok(scenario)
+}
+
 /// Whether a path stands for the standard input.
 pub fn is_standard_input(path: &Path) -> bool {
     path == Path::new("-")

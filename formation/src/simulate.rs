@@ -69,7 +69,7 @@ fn planned(arguments: &SimulateArguments) -> Result<Option<CheckedPlan>, Failure
     let Some(path) = &arguments.scenario else {
         return Ok(None);
     };
-    let plan = CheckedPlan::of(&scenario_file::load(path)?)?;
+    let plan = CheckedPlan::of(&scenario_file::load_formable(path)?)?;
     plan.refuse_without_motion(path)?;
     Ok(Some(plan))
 }

@@ -21,7 +21,7 @@ pub fn read_own_scenario(path: &Path, settings: &mut Settings) -> Result<Scenari
     Ok(scenario)
 }
 
-/// Reads and validates a scenario file.
+/// Reads and validates a scenario file, whose target modules can form.
 ///
 /// # Errors
 /// Names the file, the line or field, and what is wrong.
@@ -30,5 +30,7 @@ pub fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
         Failure::bad_input(format_args!("{}: {reason}", path.display()))
     };
     let text = read_bounded(path, BYTES_MAX).map_err(|error| refuse(&error))?;
-    Scenario::from_yaml(&text).map_err(|error| refuse(&error))
+    let scenario = Scenario::from_yaml(&text).map_err(|error| refuse(&error))?;
+    scenario.check_formable().map_err(|error| refuse(&error))?;
+    Ok(scenario)
 }

@@ -5,6 +5,7 @@
 
 #[cfg(feature = "simulator")]
 mod campaign;
+mod cgshop_solution;
 mod check;
 mod checked_plan;
 mod explain;
@@ -21,6 +22,7 @@ mod warnings;
 
 #[cfg(feature = "simulator")]
 pub use campaign::{Campaign, Figures, SIMULATED_MODULES_MAX, campaign_parameters, counted_u64};
+pub use cgshop_solution::{CgshopSolution, NoCgshopSolution};
 pub use check::{CheckReport, docked_count};
 pub use checked_plan::{
     ByAllocationError, CheckedPlan, GuaranteeBroken, PlanReport, PlanStage, PlanTurn,

@@ -56,6 +56,9 @@ pub fn to_yaml(scenario: &RawScenario) -> String {
     if let Some(given) = &scenario.given {
         text.push_str(&given.to_yaml());
     }
+    if scenario.in_parts {
+        text.push_str("  in_parts: true\n");
+    }
     if !scenario.configurations.is_empty() {
         text.push_str("configurations:\n");
     }

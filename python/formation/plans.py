@@ -104,6 +104,17 @@ class Plan:
         """The text that ``formation plan --json`` prints."""
         return self._native.to_json()
 
+    def cgshop_solution(self) -> dict[str, Any]:
+        """The paths as a solution of the CG:SHOP Challenge 2021, as ``formation plan --cgshop`` prints it.
+
+        ``instance`` is the name of the scenario, ``steps`` has for each step the direction (``N``, ``E``, ``S`` or ``W``) of each
+        robot that moves by a cell, by its number: that of its module, as text.
+
+        Raises:
+            PlanError: there are no paths, or a step is none from a cell to the next, as of a module that turns.
+        """
+        return json.loads(self._native.cgshop_json())
+
     def to_frame(self) -> pd.DataFrame:
         """A row for each module: module, spot (``NA`` without one), x, y, theta at the start, and the distance in units."""
         places = dict(zip(self.scenario.spot_ids, self.scenario.spots))

@@ -26,9 +26,9 @@ _FILE_BYTES_MAX = 16 * 1024 * 1024
 class Scenario:
     """A validated scenario.
 
-    Make one with :meth:`from_yaml`, :meth:`from_file`, :meth:`from_dict`, :meth:`from_map`, :meth:`generate` or
-    :meth:`import_map`. It never changes. Lengths are in units (the size of a module), headings in radians.
-    ``docs/scenario_file.md`` describes every field.
+    Make one with :meth:`from_yaml`, :meth:`from_file`, :meth:`from_dict`, :meth:`from_map`, :meth:`generate`,
+    :meth:`import_map` or :meth:`import_cgshop`. It never changes. Lengths are in units (the size of a module), headings in
+    radians. ``docs/scenario_file.md`` describes every field.
     """
 
     def __init__(self, native: _native.NativeScenario) -> None:
@@ -137,6 +137,23 @@ class Scenario:
         text = _text_of(Path(path), _native.map_bytes_max(path))
         return cls.from_yaml(_native.import_map(path, text, float(module_size), modules, seed, unknown_is_free))
 
+    @classmethod
+    def import_cgshop(cls, path: str | Path) -> Scenario:
+        """Read an instance of the CG:SHOP Challenge 2021, Coordinated Motion Planning: a JSON file.
+
+        Robot r is module r and goes to spot r, under the policy ``given``. Its targets may be in several parts, which can be
+        planned but not formed. :meth:`Plan.cgshop_solution` has the steps for the contest's checker.
+
+        Raises:
+            OptionError: names what is wrong with the instance.
+            OSError: the file cannot be read.
+        """
+        path = Path(path)
+        if path.suffix != ".json":
+            raise OptionError(f"{path}: the name of an instance ends in .json")
+        text = _text_of(path, _native.map_bytes_max(path))
+        return cls.from_yaml(_native.import_map(path, text, 1.0, None, 0, False))
+
     @property
     def name(self) -> str:
         """The scenario's name."""
@@ -218,6 +235,9 @@ class Scenario:
         if planner["d_max"] is None:
             del planner["d_max"]
         data["planner"] = {**planner, **parameters}
+        if data["planner"]["policy"] != "given":
+            for field in ("allocation", "detached"):
+                data["target"].pop(field, None)
         return Scenario.from_dict(data)
 
     def plan(self, policy: Any = None) -> Plan:

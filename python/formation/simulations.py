@@ -109,6 +109,7 @@ def simulate(
     Raises:
         OptionError: an argument is out of its range.
         MotionError: no module of the scenario would move.
+        ScenarioError: its target is in several parts, and modules dock into one formation.
     """
     if seeds < 1 or seed < 0:
         raise OptionError(f"seed and seeds: must be at least 0 and 1, got {seed} and {seeds}")

@@ -6,7 +6,8 @@ use formation_model::text::joined;
 use formation_model::{ModuleId, Scenario, SpotId};
 use formation_motion::{PlannedMotion, check_differential_drives};
 use formation_offline::{
-    ByAllocationError, CheckReport, CheckedPlan, ExplanationReport, WithoutSpread, explanation_text,
+    ByAllocationError, CgshopSolution, CheckReport, CheckedPlan, ExplanationReport, WithoutSpread,
+    explanation_text,
 };
 use formation_planner::{Explanation, PlanSize};
 use formation_report::{Colours, after, animation, before, page};
@@ -14,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::arrays;
-use crate::errors::{json, motion_refused, plan_refused, scenario_too_large};
+use crate::errors::{json, motion_refused, plan_refused, scenario_refused, scenario_too_large};
 
 /// A plan that the verifier's checks have passed.
 #[pyclass(frozen, module = "formation._native")]
@@ -55,9 +56,14 @@ impl NativePlan {
         Ok(Self { scenario, plan })
     }
 
-    /// The plan.
-    pub fn plan(&self) -> &CheckedPlan {
-        &self.plan
+    /// The plan, of a scenario that agents can form.
+    ///
+    /// # Errors
+    /// A `ScenarioError` if the target is in several parts.
+    pub fn formable(&self, py: Python<'_>) -> PyResult<&CheckedPlan> {
+        let formable = self.scenario.check_formable();
+        formable.map_err(|error| scenario_refused(py, &error.into(), None))?;
+        Ok(&self.plan)
     }
 
     fn explanation(&self, py: Python<'_>, module: u32) -> PyResult<Explanation> {
@@ -142,6 +148,15 @@ impl NativePlan {
             pose.into_iter().chain([f64::from(point.time)])
         });
         PyBytes::new(py, &arrays::numbers(rows))
+    }
+
+    /// What `formation plan --cgshop` prints.
+    fn cgshop_json(&self, py: Python<'_>) -> PyResult<String> {
+        let solution = CgshopSolution::of(self.scenario.name(), &self.plan);
+        json(
+            py,
+            &solution.map_err(|error| plan_refused(py, &error.to_string()))?,
+        )
     }
 
     /// The object that `formation explain --json` prints.

@@ -7,6 +7,7 @@ use formation_offline::{PolicyInstance, oddities, to_yaml};
 use formation_planner::assignment::Instance;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use serde_json::Value;
 
 use crate::arrays;
 use crate::errors::{json, scenario_refused, scenario_unsuited};
@@ -58,7 +59,9 @@ impl NativeScenario {
 
     /// The scenario as lists, as JSON.
     fn to_json(&self, py: Python<'_>) -> PyResult<String> {
-        json(py, &self.raw)
+        let whole = serde_json::to_value(&self.raw);
+        let whole = whole.map_err(|error| scenario_unsuited(py, &error.to_string()))?;
+        json(py, &as_in_a_file(whole))
     }
 
     /// The target, modules and configurations as the text of a scenario file; other sections are left out.
@@ -154,6 +157,22 @@ impl NativeScenario {
     fn plan(&self, py: Python<'_>) -> PyResult<NativePlan> {
         NativePlan::of(py, Arc::clone(&self.scenario))
     }
+}
+
+/// A file has in the section `target` who takes which spot, and whether there are parts.
+fn as_in_a_file(mut whole: Value) -> Value {
+    if let Some(fields) = whole.as_object_mut() {
+        let given = fields.remove("given");
+        let given = given.and_then(|given| given.as_object().cloned());
+        let in_parts = fields
+            .remove("in_parts")
+            .map(|flag| ("in_parts".to_owned(), flag));
+        if let Some(target) = fields.get_mut("target").and_then(Value::as_object_mut) {
+            target.extend(given.unwrap_or_default());
+            target.extend(in_parts);
+        }
+    }
+    whole
 }
 
 fn pairs(edges: &[(usize, usize)]) -> Vec<u8> {

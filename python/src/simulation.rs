@@ -164,7 +164,7 @@ pub fn simulate(
         );
         return Err(option_refused(py, &reason));
     }
-    let plan = plan.map(NativePlan::plan);
+    let plan = plan.map(|plan| plan.formable(py)).transpose()?;
     if let Some(reason) = plan.and_then(|plan| plan.unmovable_text()) {
         return Err(motion_refused(py, &reason));
     }

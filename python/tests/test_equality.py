@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import json
+import os
 import random
 import re
 
@@ -9,6 +10,8 @@ import formation
 import pytest
 
 GENERATED = 200
+# Runs take longer; tests/soak_comparisons.sh asks for as many.
+SIMULATED = int(os.environ.get("FORMATION_SIMULATED", "40"))
 # What a clock decides.
 TIMES = re.compile(r'"(planning_us|elapsed_ms)":\d+')
 
@@ -82,6 +85,24 @@ def test_generated_scenarios(launcher):
     # Each thread mostly waits for the command.
     with concurrent.futures.ThreadPoolExecutor(4) as threads:
         for done in [threads.submit(compare_drawn, launcher, seed) for seed in range(GENERATED)]:
+            done.result()
+
+
+def compare_simulated(launcher, seed):
+    """A run of a drawn scenario, with every event."""
+    chance = random.Random(seed)
+    modules = chance.randint(2, 7)
+    scenario = formation.Scenario.generate(modules, modules, seed=seed, mixed=seed % 2 == 0)
+    faults = chance.choice(formation.fault_kinds())
+    options = ["--json", "--seeds", 1, "--first-seed", seed, "--faults", faults]
+    printed = launcher.printed("simulate", "-", *options, text=scenario.to_yaml())
+    ours = formation.simulate(scenario, seed=seed, faults=faults)
+    assert json.loads(timeless(printed)) == {**ours.to_dict(), "elapsed_ms": 0}, (seed, faults)
+
+
+def test_simulated_runs_of_generated_scenarios(launcher):
+    with concurrent.futures.ThreadPoolExecutor(4) as threads:
+        for done in [threads.submit(compare_simulated, launcher, seed) for seed in range(SIMULATED)]:
             done.result()
 
 

@@ -184,6 +184,7 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         obstacles: Vec::new(),
         arena: None,
         given: None,
+        in_parts: false,
     })
 }
 

@@ -107,6 +107,7 @@ pub fn on_cells(free: &BTreeSet<LatticeCell>, count: usize, seed: u64) -> Option
         obstacles: Vec::new(),
         arena: None,
         given: None,
+        in_parts: false,
     })
 }
 

@@ -63,6 +63,25 @@ pub(crate) fn connected_graph<N: fmt::Display>(
     name: impl Fn(u32) -> N,
     whole: impl fmt::Display,
 ) -> Result<Topology, FieldError> {
+    let topology = simple_graph(ids, edges, &name, &whole)?;
+    if let [first, unreached, ..] = topology.components().as_slice() {
+        let (from, unreached) = (name(ids[first[0]]), name(ids[unreached[0]]));
+        let reason = format!("{whole} is disconnected; {unreached} cannot be reached from {from}");
+        return Err(FieldError::new("edges", reason));
+    }
+    Ok(topology)
+}
+
+/// Like [`connected_graph`], but the graph may be in several parts.
+///
+/// # Errors
+/// Refuses edges to unknown nodes, self loops, and repeated edges.
+pub(crate) fn simple_graph<N: fmt::Display>(
+    ids: &[u32],
+    edges: &[[u32; 2]],
+    name: impl Fn(u32) -> N,
+    whole: impl fmt::Display,
+) -> Result<Topology, FieldError> {
     let positions: BTreeMap<u32, usize> = (0..).zip(ids).map(|(at, &id)| (id, at)).collect();
     let mut distinct = BTreeSet::new();
     for (index, &[first, second]) in edges.iter().enumerate() {
@@ -81,11 +100,5 @@ pub(crate) fn connected_graph<N: fmt::Display>(
         }
     }
     let edges: Vec<(usize, usize)> = distinct.into_iter().collect();
-    let topology = Topology::new(ids.len(), &edges);
-    if let [first, unreached, ..] = topology.components().as_slice() {
-        let (from, unreached) = (name(ids[first[0]]), name(ids[unreached[0]]));
-        let reason = format!("{whole} is disconnected; {unreached} cannot be reached from {from}");
-        return Err(FieldError::new("edges", reason));
-    }
-    Ok(topology)
+    Ok(Topology::new(ids.len(), &edges))
 }

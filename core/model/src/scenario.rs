@@ -39,6 +39,14 @@ fn is_square(body: &BodyShape) -> bool {
     *body == BodyShape::Square
 }
 
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_false(flag: &bool) -> bool {
+    !flag
+}
+
 /// A scenario file, not yet checked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -75,6 +83,9 @@ pub struct RawScenario {
     /// Who takes which spot, under the policy `given`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub given: Option<RawGiven>,
+    /// Whether the target may be in several parts, which are planned and checked, but not docked.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub in_parts: bool,
 }
 
 /// A validated scenario.
@@ -165,6 +176,21 @@ pub(crate) fn check_given(policy: Policy, is_given: bool) -> Result<(), FieldErr
     }
 }
 
+/// The target, which only the policy `given` fills in several parts: the others join the spots that they fill.
+fn checked_target(raw: RawTarget, in_parts: bool, policy: Policy) -> Result<Target, FieldError> {
+    if !in_parts {
+        return Target::try_from(raw);
+    }
+    if policy != Policy::Given {
+        let reason = format!(
+            "belongs to `policy: given`; the policy is {}",
+            policy.name()
+        );
+        return Err(FieldError::new("in_parts", reason));
+    }
+    Target::in_parts(raw)
+}
+
 /// A full turn, with room for roundings.
 const HEADING_LIMIT: f64 = 6.284;
 
@@ -207,6 +233,23 @@ impl Scenario {
     /// The metres in a unit, if the scenario gives them.
     pub fn module_size(&self) -> Option<ModuleSize> {
         self.module_size
+    }
+
+    /// Refuses a target in several parts: modules dock into one formation.
+    ///
+    /// # Errors
+    /// Says in how many parts the target is.
+    pub fn check_formable(&self) -> Result<(), FieldError> {
+        match self.problem.target().topology().components().len() {
+            0 | 1 => Ok(()),
+            parts => {
+                let reason = format!(
+                    "the target is in {parts} parts, and modules dock into one formation; it can be planned and checked \
+                     (`formation plan`), not formed"
+                );
+                Err(FieldError::new("target.in_parts", reason))
+            }
+        }
     }
 
     /// The input of the plan.
@@ -299,7 +342,8 @@ impl TryFrom<RawScenario> for Scenario {
         for (index, spot) in raw.target.spots.iter().enumerate() {
             check_heading(&format!("spots[{index}]"), SpotId(spot.id), spot).map_err(in_target)?;
         }
-        let target = Target::try_from(raw.target).map_err(in_target)?;
+        let target = checked_target(raw.target, raw.in_parts, raw.planner.policy);
+        let target = target.map_err(in_target)?;
         if surroundings.check_spots(target.spots()).is_err() {
             raw_surroundings.check_spots(target.spots())?;
         }

@@ -45,6 +45,8 @@ struct TargetSection {
     ids: Option<Vec<u32>>,
     allocation: Option<Vec<RawGivenSpot>>,
     detached: Option<Vec<u32>>,
+    #[serde(default)]
+    in_parts: bool,
 }
 
 #[derive(Deserialize)]
@@ -154,6 +156,7 @@ impl TryFrom<ScenarioFile> for RawScenario {
     fn try_from(file: ScenarioFile) -> Result<Self, FieldError> {
         let mut section = file.target;
         let given = section.given()?;
+        let in_parts = section.in_parts;
         let (target, walls) = section.listed()?;
         let mut obstacles = file.obstacles;
         obstacles.extend(walls);
@@ -184,6 +187,7 @@ impl TryFrom<ScenarioFile> for RawScenario {
             obstacles,
             arena: file.arena,
             given,
+            in_parts,
         })
     }
 }
@@ -225,6 +229,9 @@ impl Scenario {
         let mut text = section("target", &placed, edges, &ids, &names)?;
         if let Some(given) = target.given() {
             text.push_str(&given.to_raw().to_yaml());
+        }
+        if target.topology().components().len() > 1 {
+            text.push_str("  in_parts: true\n");
         }
 
         let modules = problem.modules();

@@ -1,10 +1,10 @@
-//! The target configuration: a validated, connected graph of spots.
+//! The target configuration: a validated graph of spots, connected unless it says that it is in parts.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::field_error::{check_id, checked_pose, connected_graph};
+use crate::field_error::{check_id, checked_pose, connected_graph, simple_graph};
 use crate::{
     EDGES_MAX, FieldError, GivenAllocation, MicroUnits, Pose, RawGiven, SPOTS_MAX, Spot, SpotId,
     Surroundings, Topology,
@@ -49,7 +49,7 @@ fn default_frame() -> String {
     "map".to_owned()
 }
 
-/// A validated target: at least one spot, distinct identifiers, a connected simple graph.
+/// A validated target: at least one spot, distinct identifiers, a simple graph. It is connected, except what [`Target::in_parts`] makes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Target {
     frame_id: String,
@@ -63,6 +63,27 @@ impl TryFrom<RawTarget> for Target {
     type Error = FieldError;
 
     fn try_from(raw: RawTarget) -> Result<Self, FieldError> {
+        Self::made(raw, |ids, edges| {
+            connected_graph(ids, edges, SpotId, "the target")
+        })
+    }
+}
+
+impl Target {
+    /// A target that may be in several parts. Modules cannot dock into one formation there, so it is planned and checked only.
+    ///
+    /// # Errors
+    /// Names the field that is wrong.
+    pub fn in_parts(raw: RawTarget) -> Result<Self, FieldError> {
+        Self::made(raw, |ids, edges| {
+            simple_graph(ids, edges, SpotId, "the target")
+        })
+    }
+
+    fn made(
+        raw: RawTarget,
+        graph: impl FnOnce(&[u32], &[[u32; 2]]) -> Result<Topology, FieldError>,
+    ) -> Result<Self, FieldError> {
         for (field, count, limit) in [
             ("spots", raw.spots.len(), SPOTS_MAX),
             ("edges", raw.edges.len(), EDGES_MAX),
@@ -98,16 +119,14 @@ impl TryFrom<RawTarget> for Target {
         let spots: Vec<Spot> = numbered.into_iter().map(|(spot, _)| spot).collect();
         let ids: Vec<u32> = spots.iter().map(|spot| spot.id.0).collect();
         Ok(Self {
-            topology: connected_graph(&ids, &raw.edges, SpotId, "the target")?,
+            topology: graph(&ids, &raw.edges)?,
             frame_id: raw.frame_id,
             spots,
             surroundings: Surroundings::default(),
             given: None,
         })
     }
-}
 
-impl Target {
     /// The same target in other surroundings.
     ///
     /// # Errors
@@ -294,5 +313,15 @@ mod tests {
             Target::try_from(bad).unwrap_err().to_string(),
             "spots[1].x: must be a finite number, got inf (spot 2)"
         );
+    }
+
+    #[test]
+    fn a_target_in_parts_is_checked_like_any_other() {
+        let parts = Target::in_parts(raw(&[1, 2, 3], &[[1, 2]])).unwrap();
+        assert_eq!(parts.topology().components(), [vec![0, 1], vec![2]]);
+        let twice = Target::in_parts(raw(&[1, 1], &[])).unwrap_err();
+        assert_eq!(twice.to_string(), "spots[1].id: spot 1 is used twice");
+        let unknown = Target::in_parts(raw(&[1], &[[1, 9]])).unwrap_err();
+        assert_eq!(unknown.to_string(), "edges[0]: spot 9 is not in the target");
     }
 }

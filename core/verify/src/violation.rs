@@ -306,6 +306,9 @@ pub enum Missing {
     },
     #[error("{module} has been silent for more than {} s", silence.as_secs_f64())]
     Silent { module: ModuleId, silence: Duration },
+    /// Of a target that says who takes which spot.
+    #[error("the target gives {module} a spot, so the others wait for another target")]
+    Given { module: ModuleId },
     #[error("{module} has no spot but is not SPARE{}", in_phase(*phase))]
     Spare {
         module: ModuleId,

@@ -7,7 +7,8 @@ use clap::Args;
 /// What to import.
 #[derive(Debug, Args)]
 pub struct ImportArguments {
-    /// The map: FILE.yaml of ROS 2, which names a PGM or PNG image, or FILE.map of MovingAI.
+    /// The map: FILE.yaml of ROS 2, which names a PGM or PNG image, or FILE.map of MovingAI; or FILE.json, an instance of CG:SHOP 2021,
+    /// which is a whole scenario.
     pub map: PathBuf,
     /// The size of a module in metres, which is a unit of the scenario; without meaning for FILE.map, where a character is a cell.
     #[arg(long, value_name = "METRES", default_value_t = 1.0)]

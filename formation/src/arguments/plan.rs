@@ -29,6 +29,9 @@ pub struct PlanArguments {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     pub json: bool,
+    /// Print the paths as a solution of CG:SHOP 2021 instead, in JSON: steps from cell to cell, where module r is robot r.
+    #[arg(long, conflicts_with = "json")]
+    pub cgshop: bool,
 }
 
 /// The longest time of a program.

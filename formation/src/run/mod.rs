@@ -74,7 +74,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
             scenario_file::named(path)
         )));
     }
-    let scenario = scenario_file::load(path)?;
+    let scenario = scenario_file::load_formable(path)?;
     let programs = Programs::next_to_launcher()?;
     if arguments.motion.world.world {
         programs.require(start::WORLD)?;

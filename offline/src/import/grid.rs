@@ -29,6 +29,13 @@ pub struct Run {
     pub length: usize,
 }
 
+impl Run {
+    /// The column after the last cell.
+    pub fn end(&self) -> i64 {
+        self.x.saturating_add_unsigned(self.length as u64)
+    }
+}
+
 impl Grid {
     /// A rectangle of open cells.
     ///
@@ -81,12 +88,7 @@ impl Grid {
         let mut runs: Vec<Run> = Vec::new();
         for ((x, y), _) in self.cells().filter(|&(_, closed)| closed) {
             match runs.last_mut() {
-                Some(last)
-                    if last.y == y
-                        && last.x.checked_add_unsigned(last.length as u64) == Some(x) =>
-                {
-                    last.length += 1;
-                }
+                Some(last) if last.y == y && last.end() == x => last.length += 1,
                 _ => runs.push(Run { x, y, length: 1 }),
             }
         }

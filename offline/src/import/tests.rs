@@ -134,3 +134,113 @@ fn a_scenario_is_drawn_between_the_walls_of_a_benchmark() {
         "--modules 9: the largest connected part of the 16 free cells has no room for as many spots and modules"
     );
 }
+
+/// Robots on three cells in a row, of which the last crosses over; the targets are in two parts.
+const INSTANCE: &str = r#"{"meta": {"number_of_robots": 3}, "name": "crossing", "starts": [[0, 0], [1, 0], [2, 0]],
+    "targets": [[0, 2], [1, 2], [-3, 0]], "obstacles": [[2, 1], [1, 1], [-1, -4]]}"#;
+
+fn instance(text: &str) -> Result<String, ImportError> {
+    import(Path::new("file.instance.json"), text, &options())
+}
+
+#[test]
+fn robots_of_an_instance_are_modules_with_given_spots() {
+    let text = instance(INSTANCE).unwrap();
+    let scenario = Scenario::from_yaml(&text).unwrap();
+    assert_eq!(scenario.name(), "crossing");
+    let target = scenario.problem().target();
+    assert_eq!(target.topology().components().len(), 2);
+    let given = target.given().unwrap().assignments();
+    assert!(given.into_iter().all(|one| one.module.0 == one.spot.0));
+    assert_eq!(target.surroundings().obstacles().len(), 2, "a run is one");
+    assert!(scenario.check_formable().is_err());
+    let nameless = INSTANCE.replace(r#""name": "crossing", "#, "");
+    assert!(instance(&nameless).unwrap().starts_with("name: \"file\"\n"));
+    let joined = instance(&INSTANCE.replace("[-3, 0]", "[2, 2]")).unwrap();
+    assert!(!joined.contains("in_parts"));
+    assert!(
+        Scenario::from_yaml(&joined)
+            .unwrap()
+            .check_formable()
+            .is_ok()
+    );
+}
+
+#[test]
+fn what_is_wrong_with_an_instance_is_named() {
+    for (from, to, expected) in [
+        ("[0, 2], ", "", "has 3 starts and 2 targets"),
+        (
+            "[1, 2]",
+            "[0, 2]",
+            "targets[1]: [0, 2] is targets[0] already",
+        ),
+        ("[1, 0]", "[1, 1]", "starts[1]: [1, 1] is an obstacle"),
+        (
+            "[-3, 0]",
+            "[-3000000, 0]",
+            "targets[2]: [-3000000, 0] is further than 100000 from the origin",
+        ),
+        (
+            "[-3, 0]",
+            "[0.5, 0]",
+            "is no instance of CG:SHOP 2021: invalid type: floating point",
+        ),
+        (
+            "obstacles",
+            "walls",
+            "is no instance of CG:SHOP 2021: missing field `obstacles`",
+        ),
+    ] {
+        let error = instance(&INSTANCE.replace(from, to)).unwrap_err();
+        assert!(error.to_string().starts_with(expected), "{error}");
+    }
+    let empty = r#"{"starts": [], "targets": [], "obstacles": []}"#;
+    assert_eq!(instance(empty).unwrap_err().to_string(), "has no robots");
+    let with_modules = ImportOptions {
+        modules: Some(3),
+        ..options()
+    };
+    let error = import(Path::new("file.json"), INSTANCE, &with_modules).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "--modules: an instance has robots of its own"
+    );
+}
+
+#[test]
+fn a_plan_is_a_solution_where_it_goes_from_cell_to_cell() {
+    let plan = |text: &str| {
+        let scenario = Scenario::from_yaml(text).unwrap();
+        let problem = std::sync::Arc::new(scenario.problem().clone());
+        crate::CheckedPlan::of_problem(problem).unwrap()
+    };
+    let text = instance(INSTANCE).unwrap();
+    let solution = crate::CgshopSolution::of("crossing", &plan(&text)).unwrap();
+    let mut at = [(0_i64, 0_i64), (1, 0), (2, 0)];
+    for step in &solution.steps {
+        assert!(!step.is_empty());
+        for (&robot, &direction) in step {
+            let cell = &mut at[robot as usize];
+            match direction {
+                "N" => cell.1 += 1,
+                "S" => cell.1 -= 1,
+                "E" => cell.0 += 1,
+                _ => cell.0 -= 1,
+            }
+        }
+    }
+    assert_eq!(at, [(0, 2), (1, 2), (-3, 0)]);
+    let turned = text.replace(
+        "{id: 0, x: 0.0, y: 0.0, theta: 0.0}",
+        "{id: 0, x: 0.0, y: 0.0, theta: 0.2}",
+    );
+    assert_ne!(turned, text);
+    let refused = crate::CgshopSolution::of("crossing", &plan(&turned)).unwrap_err();
+    assert!(
+        refused
+            .to_string()
+            .starts_with("the plan is no solution of CG:SHOP: "),
+        "{refused}"
+    );
+}

@@ -90,8 +90,24 @@ impl Observer {
         if !missing.is_empty() {
             missing.extend(self.is_stopped().then_some(Missing::Resumption));
             missing.extend(self.absent().map(|module| Missing::Module { module }));
+            missing.extend(self.waited_for_by_given(&missing));
         }
         missing
+    }
+
+    /// The modules that are silent or absent and without which the target's allocation cannot be carried out.
+    fn waited_for_by_given(&self, missing: &[Missing]) -> Vec<Missing> {
+        let target = self.target().and_then(|target| target.target.as_ref());
+        let Some(given) = target.and_then(|target| target.given()) else {
+            return Vec::new();
+        };
+        let lost = missing.iter().filter_map(|one| match *one {
+            Missing::Silent { module, .. } | Missing::Module { module } => Some(module),
+            _ => None,
+        });
+        lost.filter(|module| given.spots().contains_key(module))
+            .map(|module| Missing::Given { module })
+            .collect()
     }
 
     /// The members whose last heartbeat is too old.
@@ -119,6 +135,7 @@ impl Observer {
         if let Some(expected) = self.expected_count().filter(|&expected| joined < expected) {
             missing.push(Missing::Modules { joined, expected });
         }
+        missing.extend(self.waited_for_by_given(&missing));
         missing.push(match self.target() {
             None => Missing::Target,
             Some(target) if target.target.is_none() => Missing::WithdrawnTarget,

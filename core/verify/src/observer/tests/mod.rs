@@ -16,9 +16,9 @@ use formation_generate::Random;
 use formation_model::{
     BodyReport, CausalMark, Decision, Digest, DriveState, Epoch, EvictionRecord, FormationStage,
     Heartbeat, Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    PlannerParameters, PlanningModule, Polyline, Pose, RawSpot, RawTarget, Roster, RosterMember,
-    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, Target,
-    TargetAnnouncement, Whereabouts,
+    PlannerParameters, PlanningModule, Polyline, Pose, RawGiven, RawGivenSpot, RawSpot, RawTarget,
+    Roster, RosterMember, RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection,
+    Stop, Target, TargetAnnouncement, Whereabouts,
 };
 
 const EPOCH: Epoch = Epoch {

@@ -58,6 +58,37 @@ fn the_end_of_the_time_names_who_is_silent() {
     );
 }
 
+/// Nobody moves on without a module to which the target gives a spot.
+#[test]
+fn the_end_of_the_time_names_whose_allocation_waits() {
+    let given = |modules: &[u32]| {
+        let pairs = modules.iter().zip(1..);
+        let raw = RawGiven {
+            allocation: pairs
+                .map(|(&module, spot)| RawGivenSpot { module, spot })
+                .collect(),
+            detached: Vec::new(),
+        };
+        Arc::new(Target::clone(&star()).with_given(&raw).unwrap())
+    };
+    let sentences = |modules: &[u32]| -> Vec<String> {
+        let mut sequence = good_sequence();
+        sequence.target.target = Some(given(modules));
+        let parameters = ObserverParameters {
+            time_limit: at(30),
+            ..ObserverParameters::default()
+        };
+        let mut observer = observe(&sequence.messages(), parameters);
+        beat(&mut observer, at(30), [1, 2, 4, 5]);
+        let verdict = observer.verdict(at(31)).unwrap();
+        verdict.missing.iter().map(ToString::to_string).collect()
+    };
+    let reason = "the target gives module 3 a spot, so the others wait for another target";
+    assert!(sentences(&[1, 2, 3, 4]).contains(&reason.to_owned()));
+    let others = sentences(&[1, 2, 5, 4]);
+    assert!(!others.contains(&reason.to_owned()), "{others:?}");
+}
+
 #[test]
 fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
     let mut observer = observe(&good_sequence().messages(), ObserverParameters::default());
