@@ -1,7 +1,7 @@
 """A participant of another vendor that is up before several agents start at once: does it discover all of them?
 
-Prints {"ready": true}. Each line of its input lists the modules that start then, such as [1, 2]; it answers with `seconds`, how long it
-took until every node, service and endpoint of them was known, and `missing`, what was not after the limit.
+Prints {"ready": true}. Each line of its input lists the modules that start then, such as [1, 2]; it answers with `seconds`, how
+long it took until every node, service and endpoint of them was known, and `missing`, what was not after the limit.
 
 Usage: observer.py (fast | cyclone) DOMAIN LIMIT_S
 """
