@@ -297,7 +297,7 @@ impl MonitoredRun<'_> {
                 reached = (ending, self.cluster.now());
             }
             let has_lasted = self.cluster.now() >= reached.1.max(quiet_from) + calm;
-            if ending != Ending::Neither && has_lasted {
+            if ending != Ending::Neither && has_lasted && self.cluster.has_started() {
                 return reached;
             }
         }

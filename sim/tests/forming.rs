@@ -9,7 +9,9 @@ use std::time::Duration;
 use formation_generate::{GeneratorParameters, Grouping};
 use formation_model::{ModuleId, ModulePhase, PlanningProblem, Scenario};
 use formation_planner as planner;
-use formation_sim::{Cluster, ClusterParameters, NetworkParameters};
+use formation_sim::{
+    CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, NetworkParameters, run_seed,
+};
 
 use crate::support::{Trial, scenario};
 
@@ -141,4 +143,18 @@ singletons:
     trial.until_formed_again();
     trial.run_for(Duration::from_secs(3));
     assert_eq!(links(&trial.cluster), docked);
+}
+
+/// Before any process runs there is no formation, and nobody who waits for one.
+#[test]
+fn a_run_is_not_over_before_its_processes_have_started() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::None,
+        problem: Some(Arc::new(problem(1, 1, 0))),
+        ..CampaignParameters::default()
+    };
+    for seed in 0..16 {
+        let report = run_seed(&parameters, seed).unwrap();
+        assert_eq!(report.ending, Ending::Formed, "seed {seed}");
+    }
 }

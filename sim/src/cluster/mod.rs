@@ -166,6 +166,12 @@ impl Cluster {
         self.schedule.now
     }
 
+    /// Whether all processes that start with the run have started.
+    #[must_use]
+    pub fn has_started(&self) -> bool {
+        self.now() >= self.parameters.start_spread
+    }
+
     /// Announces a target, as its publisher would.
     pub fn announce(&mut self, announcement: TargetAnnouncement) {
         let announcement = Arc::new(announcement);
