@@ -38,8 +38,8 @@ const DUPLICATE: &str = "a second process runs as module";
 fn a_restarted_module_takes_part_again() {
     let domain = &*Domain::for_processes(6);
     let mut fleet = Fleet::new("restart", NO_SPARES, domain, FleetTiming::Quick);
-    // It misses a module before the others do, so its verdict on the break comes before theirs is another formation.
-    let judge = fleet.judge_within(None, FleetTiming::Quick.suspicion() / 2);
+    // It misses a module, and retracts its verdict a second later, before the others form without that module.
+    let judge = fleet.judge_within(None, FleetTiming::Quick.suspicion() / 4);
     let _announcer = fleet.announce(None);
     let began = Instant::now();
     fleet.start_all();
