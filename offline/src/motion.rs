@@ -129,6 +129,7 @@ impl Paths {
             variant: match plan.variant {
                 Variant::Lazy => "lazy",
                 Variant::Eager => "eager",
+                Variant::Swapping => "swapping",
                 Variant::Serial => "serial",
             },
             taken_apart: plan.taken_apart.clone(),

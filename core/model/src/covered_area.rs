@@ -24,6 +24,23 @@ impl Area {
         }
     }
 
+    /// What a round body of this diameter covers: rectangles that hold the circle and reach beyond it by at most a sixteenth of its
+    /// radius.
+    pub fn of_round_body(pose: &Pose, width: MicroUnits) -> Vec<Self> {
+        const PARTS: i64 = 8;
+        let square = (width.0 / 2).pow(2);
+        let reach = |part: i64| (square * part / PARTS).isqrt() + 1;
+        let corner = |right: i64, up: i64| (pose.x + MicroUnits(right), pose.y + MicroUnits(up));
+        let around = |part: i64| {
+            let (across, along) = (reach(PARTS - part), reach(part + 1));
+            Self {
+                low: corner(-across, -along),
+                high: corner(across, along),
+            }
+        };
+        (0..PARTS).map(around).collect()
+    }
+
     /// What a body of this width covers in any heading.
     fn of_turning_body(pose: &Pose, width: MicroUnits) -> Self {
         let half = width.0 / 2;
@@ -84,6 +101,26 @@ impl Area {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_round_body_covers_its_circle_and_little_more() {
+        let pose = Pose::from_units(2.0, -1.0, 0.7).unwrap();
+        let areas = Area::of_round_body(&pose, MicroUnits(900_000));
+        let is_covered = |radius: f64, angle: f64| {
+            let (sine, cosine) = angle.sin_cos();
+            let point = Pose::from_units(2.0 + radius * cosine, radius * sine - 1.0, 0.0).unwrap();
+            let mut areas = areas.iter();
+            areas.any(|area| {
+                let ((left, bottom), (right, top)) = area.corners();
+                (left..=right).contains(&point.x.0) && (bottom..=top).contains(&point.y.0)
+            })
+        };
+        for degree in 0..360 {
+            let angle = f64::from(degree).to_radians();
+            assert!(is_covered(0.45, angle), "{degree}");
+            assert!(!is_covered(0.45 + 0.45 / 16.0, angle), "{degree}");
+        }
+    }
 
     /// Half of the diagonal of a body of 0.9 units is 0.636 units.
     #[test]

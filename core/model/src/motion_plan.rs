@@ -10,6 +10,8 @@ pub enum Variant {
     Lazy,
     /// All units leave the target's box first.
     Eager,
+    /// Single modules swap their spots on the way.
+    Swapping,
     /// The budget was spent: each step begins after all earlier users of its cells.
     Serial,
 }

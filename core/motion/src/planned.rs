@@ -5,7 +5,9 @@ use formation_model::{
     Policy, SpotId, UnitMotion,
 };
 
-use super::paths::{MotionError, MotionParameters, MotionRequest, plan_motion, plan_with_swaps};
+use super::paths::{
+    MotionError, MotionParameters, MotionRequest, plan_motion, plan_shorter, plan_with_swaps,
+};
 
 /// How the modules of a plan move. It follows from the problem, the plan and the obstacles alone.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,7 +22,7 @@ pub enum PlannedMotion {
 
 impl PlannedMotion {
     /// Plans the motion, and gives the plan the units that the motion has. Where a unit cannot get to the spots that it was
-    /// claimed, equal units swap theirs, except under the policies `paper` and `given`.
+    /// claimed, or only far later than the ways are long, equal units swap theirs, except under the policies `paper` and `given`.
     ///
     /// Bodies of modules that take no part stand on `obstacles`.
     /// Enforces X7.
@@ -44,6 +46,10 @@ impl PlannedMotion {
                 let swapped = plan_with_swaps(&request).ok_or(error);
                 swapped.map(|(motion, plan)| (motion, Some(plan)))
             }
+            Ok(motion) if may_swap => match plan_shorter(&request, &motion) {
+                Some((shorter, plan)) => Ok((shorter, Some(plan))),
+                None => Ok((motion, None)),
+            },
             found => found.map(|motion| (motion, None)),
         };
         match found {

@@ -7,6 +7,7 @@
     reason = "a test fails by panicking, and so do its helpers"
 )]
 
+mod dense;
 mod exits;
 mod motion_paths;
 mod motion_starts;

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use formation_model::{MotionPlan, PlanningProblem, Scenario};
+use formation_model::{Area, MicroUnits, MotionPlan, PlanningProblem, Pose, Scenario};
 use formation_motion::PlannedMotion;
 use formation_planner::plan;
 
@@ -18,11 +18,48 @@ struct Planned {
 }
 
 fn planned(text: &str) -> Planned {
+    planned_among(text, &[])
+}
+
+/// With bodies of other modules in the way.
+fn planned_among(text: &str, bodies: &[Area]) -> Planned {
     let scenario = Scenario::from_yaml(text).unwrap();
     let problem = Arc::new(scenario.problem().clone());
     let outcome = plan(Arc::clone(&problem));
-    let motion = PlannedMotion::of(&problem, outcome.plan, &[]).0;
+    let motion = PlannedMotion::of(&problem, outcome.plan, bodies).0;
     Planned { problem, motion }
+}
+
+/// A failed module rests on a spot of a hexagon, turned; the spots beside it are filled.
+#[test]
+fn a_round_body_at_rest_leaves_room_beside_it() {
+    let text = format!(
+        "body: circle
+target:
+  spots:
+    - {{id: 1, x: 0, y: 0}}
+    - {{id: 2, x: 1, y: 0}}
+    - {{id: 4, x: -0.5, y: {ROW}}}
+    - {{id: 5, x: -1, y: 0}}
+    - {{id: 6, x: -0.5, y: -{ROW}}}
+    - {{id: 7, x: 0.5, y: -{ROW}}}
+  edges: [[1, 2], [1, 4], [1, 5], [1, 6], [1, 7]]
+singletons:
+  - {{id: 1, x: 6, y: 0}}
+  - {{id: 2, x: 6, y: 2}}
+  - {{id: 3, x: 6, y: 4}}
+  - {{id: 4, x: 8, y: 0}}
+  - {{id: 5, x: 8, y: 2}}
+  - {{id: 6, x: 8, y: 4}}
+"
+    );
+    let body = Pose::from_units(0.5, ROW, 0.6).unwrap();
+    let width = MicroUnits(900_000);
+    let bodies = Area::of_round_body(&body, width);
+    let found = planned_among(&text, &bodies).motion;
+    assert!(matches!(found, PlannedMotion::Paths(_)), "{found:?}");
+    let square = planned_among(&text, &[Area::of_body(&body, width)]).motion;
+    assert!(!matches!(square, PlannedMotion::Paths(_)), "{square:?}");
 }
 
 /// Forms a target without contact; every module comes to its spot.

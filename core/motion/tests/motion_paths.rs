@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use formation_generate::{Apart, Grouping};
 use formation_model::Variant;
 use formation_motion::paths::MotionParameters;
 use formation_planner::plan;
@@ -104,6 +105,23 @@ fn missing_waits_are_found() {
         counts.mutants >= 10 && counts.mutants_found * 4 >= counts.mutants * 3,
         "{counts:?}"
     );
+}
+
+/// A search does not look at all ways of waiting while the goal is held.
+#[test]
+fn paths_of_a_hundred_modules_take_few_search_nodes() {
+    let case = Case {
+        modules: 100,
+        spots: 100,
+        percent: 250,
+        grouping: Grouping::Singletons,
+        apart: Apart::Cells,
+        seed: 1,
+    };
+    let problem = case.problem();
+    let outcome = plan(Arc::clone(&problem));
+    let planned = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
+    assert!(planned.expansions <= 50_000, "{}", planned.expansions);
 }
 
 #[test]

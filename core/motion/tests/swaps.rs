@@ -19,7 +19,7 @@ use crate::support::motion::{assert_sound, run, waits_of};
 use crate::support::walls::{Cell, Field};
 
 /// The motion of a problem and its plan, without contact in any execution.
-fn planned(problem: &Arc<PlanningProblem>) -> Result<(MotionPlan, Plan), MotionError> {
+pub fn planned(problem: &Arc<PlanningProblem>) -> Result<(MotionPlan, Plan), MotionError> {
     let mut outcome = plan(Arc::clone(problem));
     let claimed = outcome.plan.clone();
     let (motion, plan) = PlannedMotion::of(problem, outcome.plan, &[]);

@@ -32,17 +32,16 @@ fn improve_one(schedule: &mut Schedule, unit: usize) -> Result<bool, Stop> {
         from: body.start,
         since: body.ready,
         goal,
-        latest: arrival,
+        known: Some((
+            arrival,
+            u32::try_from(schedule.paths[unit].len()).unwrap_or(u32::MAX),
+        )),
         exit_from: schedule.exit_from(unit),
     };
     let old = schedule.take_out(unit);
-    let found = schedule
+    let new = schedule
         .sipp
         .path(schedule.arena, schedule.units, &schedule.table, &query);
-    let new = found.filter(|path| {
-        let end = path.last().map_or(query.since, |entry| entry.begin + 1);
-        (end, path.len()) < (arrival, old.len())
-    });
     let is_better = new.is_some();
     schedule.put_in(unit, new.unwrap_or(old));
     schedule.check_budget()?;

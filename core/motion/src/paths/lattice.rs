@@ -207,6 +207,13 @@ impl Arena {
         found
     }
 
+    /// Whether of some cells that may be shut only the ring is.
+    pub fn is_open(&self, is_shut: &[bool]) -> bool {
+        let rows = is_shut.chunks_exact(self.width).skip(1);
+        let mut rows = rows.take(self.height.saturating_sub(2));
+        rows.all(|row| !row[1..self.width - 1].contains(&true))
+    }
+
     /// The steps between two cells if none is closed.
     pub fn distance(&self, from: usize, to: usize) -> Time {
         let columns = (from % self.width).abs_diff(to % self.width);

@@ -75,6 +75,11 @@ pub(super) struct Crew {
 impl<'a> LatticeRequest<'a> {
     /// Checks target and starts.
     pub fn new(request: &'a MotionRequest<'a>) -> Result<Self, MotionError> {
+        Self::with_room(request, 0)
+    }
+
+    /// The same, with an arena that is wider by some cells on each side.
+    pub fn with_room(request: &'a MotionRequest<'a>, room: i64) -> Result<Self, MotionError> {
         let problem = request.problem;
         let target = problem.target();
         let (lattice, spots, is_off) = Lattice::of(target, request.parameters.tolerance);
@@ -127,7 +132,13 @@ impl<'a> LatticeRequest<'a> {
         } else {
             BLOCK_MARGIN
         };
-        let arena = Arena::around(&lattice, &all, margin, request.obstacles, request.walls)?;
+        let arena = Arena::around(
+            &lattice,
+            &all,
+            room + margin,
+            request.obstacles,
+            request.walls,
+        )?;
         let on_lattice = Self {
             request,
             aligners: aligners(&groups, &lattice, &arena),

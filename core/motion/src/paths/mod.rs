@@ -38,7 +38,9 @@ mod shape;
 mod sipp;
 mod start;
 mod swap;
+mod swapped_motion;
 mod table;
+mod target_swapping;
 mod units;
 mod unlabelled;
 mod variants;
@@ -51,7 +53,7 @@ pub use result::{
 use formation_model::{MotionPlan, Polyline, Pose};
 
 use lattice_request::LatticeRequest;
-pub(crate) use swap::plan_with_swaps;
+pub(crate) use swap::{plan_shorter, plan_with_swaps};
 
 /// Paths and waits for all units of a plan.
 ///

@@ -163,7 +163,7 @@ impl<'a> Schedule<'a> {
                     from: self.place(unit),
                     since: self.since(unit),
                     goal,
-                    latest: FOREVER - 1,
+                    known: None,
                     exit_from: self.exit_from(unit),
                 };
                 self.sipp.path(self.arena, self.units, &self.table, &query)
@@ -213,7 +213,7 @@ impl<'a> Schedule<'a> {
         Some(path)
     }
 
-    fn append(&mut self, unit: usize, path: &[Entry]) {
+    pub fn append(&mut self, unit: usize, path: &[Entry]) {
         if path.is_empty() {
             return;
         }

@@ -13,7 +13,10 @@ pub(super) struct Shape {
 impl Shape {
     /// A square with sides along the axes.
     pub fn square(middle: Point, half: i64) -> Self {
-        Self::turned_square(middle, half, 0)
+        Self::rectangle((
+            (middle.0 - half, middle.1 - half),
+            (middle.0 + half, middle.1 + half),
+        ))
     }
 
     /// A rectangle with sides along the axes.

@@ -26,10 +26,17 @@ pub(super) struct Query {
     pub from: Node,
     pub since: Time,
     pub goal: Node,
-    /// The last step ends no later than this.
-    pub latest: Time,
+    /// The end and the steps of a path that is known; only a better one is searched for.
+    pub known: Option<(Time, u32)>,
     /// The exit, if the unit has one, begins no earlier than this.
     pub exit_from: Time,
+}
+
+impl Query {
+    /// Whether a path of this end and so many steps is better than the known one.
+    fn is_better(&self, end: Time, steps: u32) -> bool {
+        self.known.is_none_or(|known| (end, steps) < known)
+    }
 }
 
 struct Interval {
@@ -52,6 +59,8 @@ struct Scene<'a> {
     unit: &'a Unit,
     table: &'a Table,
     query: &'a Query,
+    /// No path ends before, as the goal is not free for good until one step earlier.
+    earliest: Time,
 }
 
 /// A state that is expanded.
@@ -64,7 +73,7 @@ struct State {
     steps: u32,
 }
 
-/// Ordered by: the end, the steps in all, more steps done, the node, the interval.
+/// Ordered by: the earliest end, the steps in all, more steps done, the node, the interval.
 type Open = (Time, u32, Reverse<u32>, Node, usize, usize);
 
 const NONE: usize = usize::MAX;
@@ -98,7 +107,7 @@ impl Sipp {
         }
     }
 
-    /// The path that ends earliest, then the one of fewest steps; none if there is none within the latest end.
+    /// The path that ends earliest, then the one of fewest steps; none if there is none that is better than a known one.
     ///
     /// Where the unit is at its goal already and may stay, the path is empty.
     pub fn path(
@@ -109,11 +118,12 @@ impl Sipp {
         query: &Query,
     ) -> Option<Vec<Entry>> {
         let unit = &units[query.unit];
-        let scene = Scene {
+        let mut scene = Scene {
             arena,
             unit,
             table,
             query,
+            earliest: query.since,
         };
         let stay = unit
             .cells(arena, query.from)
@@ -127,6 +137,14 @@ impl Sipp {
         self.intervals.clear();
         self.records.clear();
         self.open.clear();
+        let (_, end) = self.intervals_of(scene, query.goal);
+        let last = self.intervals[..end as usize].last();
+        let free_from = last.filter(|last| last.until == FOREVER)?.from;
+        if query.known.is_some() {
+            // A first path is searched for without this bound: of equal ones it finds those that make shorter plans.
+            scene.earliest = free_from + 1;
+        }
+        let start = self.intervals.len();
         self.intervals.push(Interval {
             best: (query.since, 0),
             ..Interval::free(query.since, stay)
@@ -138,7 +156,7 @@ impl Sipp {
             },
             parent: NONE,
         };
-        self.push(scene, first, 0, (query.since, 0));
+        self.push(scene, first, start, (query.since, 0));
         while let Some(Reverse((_, _, Reverse(steps), node, interval, record))) = self.open.pop() {
             if interval == NONE {
                 return Some(self.traced(record));
@@ -197,7 +215,7 @@ impl Sipp {
             let is_new = interval.expanded > begin + 1
                 && !(interval.best.0 <= begin + 1 && interval.best.1 <= steps);
             if node == query.goal && interval.until == FOREVER {
-                if begin < query.latest {
+                if query.is_better(begin + 1, steps) {
                     let record = self.records.len();
                     self.records.push(Record {
                         entry: Entry { node, begin },
@@ -222,8 +240,8 @@ impl Sipp {
     fn push(&mut self, scene: Scene, record: Record, interval: usize, (time, steps): (Time, u32)) {
         let (query, node) = (scene.query, record.entry.node);
         let rest = scene.unit.distance(scene.arena, node, query.goal);
-        let end = time + rest;
-        if end > query.latest {
+        let end = scene.earliest.max(time + rest);
+        if !query.is_better(end, steps + rest) {
             return;
         }
         let index = self.records.len();
@@ -242,6 +260,7 @@ impl Sipp {
             unit,
             table,
             query,
+            ..
         } = scene;
         self.stamps[node] = self.stamp;
         let first = u32::try_from(self.intervals.len()).unwrap_or(u32::MAX);

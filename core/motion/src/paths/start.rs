@@ -126,10 +126,7 @@ fn groups_of(
             None => loose.push((modules, None)),
         }
     }
-    let cramped: Vec<bool> = groups
-        .iter()
-        .map(|group| is_cramped(problem, group, &groups, is_round, exactness.slack))
-        .collect();
+    let cramped = cramped(problem, &groups, is_round, exactness.slack);
     let (cramped, rest): (Vec<_>, Vec<_>) = groups
         .into_iter()
         .zip(cramped)
@@ -184,24 +181,21 @@ fn staying(
     Some(group)
 }
 
-/// Whether a body lacks the room to come onto the lattice, as one next to a body that rests off it and a round one may, or into
+/// Which bodies lack the room to come onto the lattice, as one next to a body that rests off it and a round one may, or into
 /// line, as one whose members were halted at different moments may.
-fn is_cramped(
-    problem: &PlanningProblem,
-    group: &Group,
-    groups: &[Group],
-    is_round: bool,
-    slack: i64,
-) -> bool {
-    if group.at_rest.is_some() {
-        return false;
+fn cramped(problem: &PlanningProblem, groups: &[Group], is_round: bool, slack: i64) -> Vec<bool> {
+    let may_be = |one: &Group, other: &Group| {
+        one.at_rest.is_none() && (is_round || one.is_askew() || other.at_rest.is_some())
+    };
+    let mut cramped = vec![false; groups.len()];
+    for (low, high) in near_pairs(groups) {
+        for (one, other) in [(low, high), (high, low)] {
+            let (body, next) = (&groups[one], &groups[other]);
+            cramped[one] = cramped[one]
+                || may_be(body, next) && not_apart(problem, body, next, slack).is_some();
+        }
     }
-    let around = group.surroundings();
-    let near = groups.iter().filter(|other| {
-        other.modules != group.modules && overlap(&around, &other.surroundings(), 0)
-    });
-    near.filter(|other| is_round || group.is_askew() || other.at_rest.is_some())
-        .any(|other| not_apart(problem, group, other, slack).is_some())
+    cramped
 }
 
 /// The pairs of groups whose surroundings overlap, lower first.

@@ -51,12 +51,72 @@ struct Claim {
     spots: Vec<usize>,
 }
 
+/// Hundredths of the bound, and steps on top of these, that a motion may take before spots are swapped for a shorter one.
+const LONG: (u64, u64) = (160, 8);
+
+/// Hundredths of a motion's steps that a swap leaves at most.
+const SHORTER: u64 = 80;
+
+/// A motion, and the plan with the new holders.
+type Swapped = (MotionPlan, Plan);
+
+/// Whether a motion takes far longer than the longest of its ways.
+fn is_long(motion: &MotionPlan) -> bool {
+    let (share, steps) = LONG;
+    let most = u64::from(motion.bound) * share / 100 + steps;
+    u64::from(motion.makespan) > most
+}
+
+/// A far shorter motion and the plan with the new holders, if this one is long and a swap makes it so.
+pub(crate) fn plan_shorter(request: &MotionRequest, motion: &MotionPlan) -> Option<Swapped> {
+    let may_pass = is_long(motion) && request.plan.blocks.is_empty();
+    let swapped = may_pass.then(|| plan_passing(request))??;
+    let most = u64::from(motion.makespan) * SHORTER / 100;
+    (u64::from(swapped.0.makespan) <= most).then_some(swapped)
+}
+
 /// The motion after a swap, and the plan with the new holders; `None` if there is none within the limits.
-pub(crate) fn plan_with_swaps(request: &MotionRequest) -> Option<(MotionPlan, Plan)> {
+pub(crate) fn plan_with_swaps(request: &MotionRequest) -> Option<Swapped> {
+    let has_blocks = !request.plan.blocks.is_empty();
+    let passing = (!has_blocks).then(|| plan_passing(request)).flatten();
+    if let Some((motion, _)) = &passing
+        && !is_long(motion)
+    {
+        return passing;
+    }
+    let chosen = plan_chosen(request, &[Choice::Whole, Choice::Apart]);
+    let all = [passing, chosen].into_iter().flatten();
+    all.min_by_key(|(motion, _)| motion.makespan)
+        .or_else(|| has_blocks.then(|| plan_passing(request)).flatten())
+        .or_else(|| plan_chosen(request, &[Choice::Filled]))
+}
+
+/// The same, where modules swap on the way; all blocks are taken apart.
+fn plan_passing(request: &MotionRequest) -> Option<Swapped> {
+    // All modules spread to turn.
+    let room = i64::try_from(request.problem.modules().len().isqrt() / 2).ok()?;
+    let claimed = LatticeRequest::with_room(request, room).ok()?;
+    let passage = claimed.passage(&closed_cells(&claimed))?;
+    let plan = with_holders(request.problem, request.plan, &passage.holders, false);
+    let swapped = MotionRequest {
+        plan: &plan,
+        ..*request
+    };
+    let on_lattice = LatticeRequest::with_room(&swapped, room).ok()?;
+    if on_lattice.starts != claimed.starts {
+        return None;
+    }
+    let mut motion = on_lattice.plan_passage(&passage)?;
+    motion.taken_apart.clone_from(&request.plan.blocks);
+    Some((motion, plan))
+}
+
+/// The same, where new holders are chosen before the motion is planned.
+fn plan_chosen(request: &MotionRequest, choices: &[Choice]) -> Option<Swapped> {
     let swap = Swap::new(request)?;
     let claimed = request.plan;
     let mut tried = vec![claimed.assignments.clone()];
-    for choice in [Choice::Whole, Choice::Apart, Choice::Filled] {
+    for &choice in choices {
         let keeps_blocks = choice == Choice::Whole;
         let Some(holders) = swap.chosen(choice) else {
             continue;
@@ -80,6 +140,20 @@ pub(crate) fn plan_with_swaps(request: &MotionRequest) -> Option<(MotionPlan, Pl
     None
 }
 
+/// Cells that no module may enter; pinned modules close theirs.
+fn closed_cells(on_lattice: &LatticeRequest) -> Vec<bool> {
+    let mut closed = on_lattice.arena.closed.clone();
+    let modules = on_lattice.request.problem.modules().iter();
+    for (module, &site) in modules.zip(&on_lattice.starts) {
+        if module.pin.is_some()
+            && let Some(cell) = on_lattice.arena.cell(site)
+        {
+            closed[cell] = true;
+        }
+    }
+    closed
+}
+
 /// What the choice of new holders needs.
 struct Swap<'a> {
     on_lattice: LatticeRequest<'a>,
@@ -97,7 +171,7 @@ impl<'a> Swap<'a> {
             return None;
         }
         let mut swap = Self {
-            closed: on_lattice.arena.closed.clone(),
+            closed: closed_cells(&on_lattice),
             on_lattice,
             ways: BTreeMap::new(),
         };
@@ -119,12 +193,6 @@ impl<'a> Swap<'a> {
             spot_of,
             ..
         } = &self.on_lattice;
-        let pinned = (0..starts.len()).filter(|&module| self.is_pinned(module));
-        let pinned = pinned.filter_map(|module| arena.cell(starts[module]));
-        let pinned: Vec<usize> = pinned.collect();
-        for cell in pinned {
-            self.closed[cell] = true;
-        }
         let cells: Vec<usize> = starts.iter().filter_map(|&site| arena.cell(site)).collect();
         let taken = (0..starts.len()).filter(|&module| !self.is_pinned(module));
         let taken: Vec<usize> = taken.filter_map(|module| spot_of[module]).collect();

@@ -152,6 +152,12 @@ impl Unit {
         self.modules.len() == 1 && next.is_none_or(|next| next.stage == Stage::Exit)
     }
 
+    /// Whether it needs cells beside its own to turn.
+    pub fn needs_room_to_turn(&self) -> bool {
+        let disc = |layout: &Layout| layout.stage == Stage::Disc && layout.cells.len() > 1;
+        self.layouts.iter().any(disc)
+    }
+
     /// Whether it holds one cell at each of its nodes.
     pub fn holds_one_cell(&self) -> bool {
         self.modules.len() == 1 && self.layouts.len() == 1

@@ -114,15 +114,16 @@ impl<'a> Ground<'a> {
         let mut schedule = self.schedule(Scheduling::SafeIntervals, spent);
         let outcome = self.docking(variant == Variant::Eager).run(&mut schedule);
         if outcome.is_ok() {
-            // A plan that the budget leaves half improved is a plan.
-            match improve(
-                &mut schedule,
-                self.filling,
-                self.parameters.improvement_passes,
-            ) {
-                Ok(()) | Err(Stop::Budget | Stop::Failure(_)) => {}
-            }
+            self.improve(&mut schedule);
         }
         (schedule, outcome)
+    }
+
+    fn improve(&self, schedule: &mut Schedule) {
+        let passes = self.parameters.improvement_passes;
+        // A plan that the budget leaves half improved is a plan.
+        match improve(schedule, self.filling, passes) {
+            Ok(()) | Err(Stop::Budget | Stop::Failure(_)) => {}
+        }
     }
 }
