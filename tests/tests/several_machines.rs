@@ -6,7 +6,7 @@ use std::time::Duration;
 use formation_tests::{Domain, Namespace, Network, Running, scenario_path};
 use serde_json::Value;
 
-const PATIENCE: Duration = Duration::from_secs(90);
+const PATIENCE: Duration = Duration::from_secs(120);
 const SCENARIO: &str = "singletons_10";
 
 /// The pairs of modules and spots in a plan or a verdict.
@@ -69,31 +69,55 @@ struct TwoMachines {
     agents: [Running; 2],
     _publisher: Running,
     verifier: Running,
+    /// Over Zenoh, on the second machine.
+    _router: Option<Running>,
 }
 
 impl TwoMachines {
-    /// Starts all of it, after `before` has set the network up; `None` where no namespaces can be made.
+    /// Starts all of it over DDS, after `before` has set the network up; `None` where no namespaces can be made.
     fn start(before: impl FnOnce(&Network)) -> Option<Self> {
-        let domain = Domain::for_processes(5);
         let network = Network::with_sides(2)?;
         before(&network);
+        Some(Self::started(network, None))
+    }
+
+    /// The same over Zenoh.
+    #[cfg(feature = "zenoh")]
+    fn start_over_zenoh(before: impl FnOnce(&Network)) -> Option<Self> {
+        let network = Network::with_sides(2)?;
+        before(&network);
+        Some(Self::started(network, Some("tcp/10.77.0.2:7447")))
+    }
+
+    /// Starts the processes; over Zenoh if there is to be a router at an endpoint.
+    fn started(network: Network, endpoint: Option<&str>) -> Self {
+        let domain = Domain::for_processes(6);
         let scenario = scenario_path(SCENARIO);
         let of_scenario = ["--scenario", scenario.to_str().unwrap()];
+        let second = network.side(1);
+        let _router = endpoint.map(|it| Running::start_router(Some(second), &domain, it, &[]));
         let start = |side, program: &str, more: &[&str]| {
+            let machine = network.side(side);
             let arguments = [&of_scenario[..], more].concat();
-            Running::start_within(network.side(side), program, &domain, &arguments)
+            match endpoint {
+                None => Running::start_within(machine, program, &domain, &arguments),
+                Some(it) => {
+                    Running::start_over_zenoh_within(machine, &[it], program, &domain, &arguments)
+                }
+            }
         };
-        let verifier = start(1, "verifier", &["--json", "--time-limit-s", "80"]);
+        let verifier = start(1, "verifier", &["--json", "--time-limit-s", "110"]);
         let agents = [(0, "1-5"), (1, "6-10")]
             .map(|(side, modules)| start(side, "module_agent", &["--modules", modules]));
         let _publisher = start(1, "target_publisher", &[]);
-        Some(Self {
+        Self {
             agents,
             _publisher,
             verifier,
+            _router,
             network,
             domain,
-        })
+        }
     }
 
     /// Waits until a process of modules, the first or the second, logs this.
@@ -195,4 +219,68 @@ fn four_machines_form_over_zenoh_with_two_routers() {
         let routers = orders[usize::from(!is_first)];
         Running::start_over_zenoh_within(machine, &routers, program, domain, arguments)
     });
+}
+
+/// The log line of a process over Zenoh whose connection is gone.
+#[cfg(feature = "zenoh")]
+const LOSES_ROUTER: &str = "lost the connection to the router";
+/// The log line of a process over Zenoh that has a connection again.
+#[cfg(feature = "zenoh")]
+const FINDS_ROUTER: &str = "connected to a router again";
+
+#[cfg(feature = "zenoh")]
+#[test]
+fn a_machine_whose_network_comes_up_late_takes_part_over_zenoh() {
+    let Some(machines) = TwoMachines::start_over_zenoh(|network| network.take_address(0)) else {
+        return;
+    };
+    machines.await_log(0, "waiting for a Zenoh router");
+    machines.await_log(1, "joined the ROS 2 graph");
+    machines.network.give_address(0, 1);
+    machines.await_log(0, "joined the ROS 2 graph");
+    machines.assert_complete();
+}
+
+#[cfg(feature = "zenoh")]
+#[test]
+fn a_machine_whose_address_changes_on_the_way_takes_part_again_over_zenoh() {
+    let Some(machines) = TwoMachines::start_over_zenoh(|_| ()) else {
+        return;
+    };
+    machines.await_log(0, "moving to");
+    machines.network.take_address(0);
+    machines.network.give_address(0, 7);
+    machines.await_log(0, LOSES_ROUTER);
+    machines.await_log(0, FINDS_ROUTER);
+    machines.assert_complete();
+}
+
+#[cfg(feature = "zenoh")]
+#[test]
+fn a_second_interface_that_appears_on_the_way_changes_nothing_over_zenoh() {
+    let Some(machines) = TwoMachines::start_over_zenoh(|_| ()) else {
+        return;
+    };
+    machines.await_log(0, "moving to");
+    machines.network.give_interface(0, 1);
+    machines.assert_complete();
+}
+
+/// A minute is longer than the lease of a Zenoh session.
+#[cfg(feature = "zenoh")]
+#[test]
+fn all_halt_while_a_link_is_down_for_a_minute_and_go_on_over_zenoh() {
+    let Some(machines) = TwoMachines::start_over_zenoh(|_| ()) else {
+        return;
+    };
+    machines.await_log(0, "moving to");
+    machines.network.set_link(0, false);
+    for agent in [0, 1] {
+        machines.await_log(agent, "halted: agreement of modules");
+    }
+    machines.await_log(0, LOSES_ROUTER);
+    std::thread::sleep(Duration::from_secs(50));
+    machines.network.set_link(0, true);
+    machines.await_log(0, FINDS_ROUTER);
+    machines.assert_complete();
 }

@@ -36,13 +36,18 @@ impl Protected {
     }
 
     fn router(&self) -> Running {
+        self.router_at(&["--listen", &self.endpoint])
+    }
+
+    /// Starts a router with these options.
+    fn router_at(&self, options: &[&str]) -> Running {
         let file = self.file("router");
         let variables = [
             ("ZENOH_ROUTER_CONFIG_URI", file.to_str().unwrap()),
             ("ROS_SECURITY_ENABLE", "true"),
             ("ROS_SECURITY_STRATEGY", "Enforce"),
         ];
-        let arguments = ["router", "--listen", &self.endpoint];
+        let arguments = [&["router"], options].concat();
         Running::start_with(&variables, "formation", &self.domain, &arguments).await_routing()
     }
 
@@ -52,7 +57,18 @@ impl Protected {
     }
 
     fn run_with(&self, file: &Path, strategy: &str, name: &str, arguments: &[&str]) -> Running {
-        let router = format!("connect/endpoints=[\"{}\"]", self.endpoint);
+        self.run_at(&self.endpoint, (file, strategy), name, arguments)
+    }
+
+    /// Starts a program with a session file and a strategy, as a client of one router.
+    fn run_at(
+        &self,
+        endpoint: &str,
+        (file, strategy): (&Path, &str),
+        name: &str,
+        arguments: &[&str],
+    ) -> Running {
+        let router = format!("connect/endpoints=[\"{endpoint}\"]");
         let variables = [
             ("ZENOH_SESSION_CONFIG_URI", file.to_str().unwrap()),
             ("ZENOH_CONFIG_OVERRIDE", router.as_str()),
@@ -255,4 +271,29 @@ fn a_configuration_without_certificates_is_refused_where_security_is_enforced() 
         assert_eq!(refused.status, 2, "{name}: {}", refused.stderr);
         assert!(refused.stderr.contains(named), "{name}: {}", refused.stderr);
     }
+}
+
+/// The agents are clients of two routers, whose own link is protected as well.
+#[test]
+fn a_formation_passes_two_routers_with_certificates() {
+    let domain = &*Domain::for_processes(6);
+    let protected = Protected::new(domain);
+    let second = format!("tls/127.0.0.1:{}", free_port());
+    let _first = protected.router();
+    let connect = ["--listen", &second, "--connect", &protected.endpoint];
+    let _second = protected.router_at(&connect);
+    let scenario = scenario_path("singletons_10");
+    let of_scenario = ["--scenario", scenario.to_str().unwrap()];
+    let start = |endpoint: &str, role: &str, name: &str, more: &[&str]| {
+        let arguments = [&of_scenario[..], more].concat();
+        let file = protected.file(role);
+        protected.run_at(endpoint, (&file, "Enforce"), name, &arguments)
+    };
+    let verifier = start(&second, "verifier", "verifier", &["--json"]);
+    let hosted = [(&protected.endpoint, "1-5"), (&second, "6-10")];
+    let _agents = hosted
+        .map(|(router, modules)| start(router, "module", "module_agent", &["--modules", modules]));
+    let _publisher = start(&protected.endpoint, "publisher", "target_publisher", &[]);
+    let verdict = verifier.finish(PATIENCE).last_json();
+    assert_eq!(verdict["verdict"]["outcome"], "COMPLETE", "{verdict}");
 }

@@ -79,9 +79,14 @@ impl Reconnections {
             .info()
             .transport_events_listener()
             .callback(move |event| {
-                let is_router = event.transport().whatami() == WhatAmI::Router;
-                if is_router && event.kind() == SampleKind::Put {
-                    noticed.store(true, Ordering::Relaxed);
+                if event.transport().whatami() != WhatAmI::Router {
+                    return;
+                }
+                match event.kind() {
+                    SampleKind::Put => noticed.store(true, Ordering::Relaxed),
+                    SampleKind::Delete => tracing::warn!(
+                        "lost the connection to the router; it is tried again until it is there"
+                    ),
                 }
             })
             .wait()
@@ -218,17 +223,24 @@ impl ZenohGraph {
 /// A session that is connected to its router.
 fn opened(config: &Config) -> Result<Session, RosContextError> {
     let deadline = Instant::now() + ROUTER_WAIT;
+    let routers = config.get_json("connect/endpoints").unwrap_or_default();
+    let mut attempts = 0;
     loop {
         match zenoh::open(config.clone()).wait() {
             Ok(session) => return Ok(session),
             Err(error) if Instant::now() >= deadline => {
-                let routers = config.get_json("connect/endpoints").unwrap_or_default();
                 return Err(RosContextError::Failed(format!(
                     "cannot reach a Zenoh router at {routers}: {error}; start one with `formation router` or `zenohd`, or \
                      name another in ZENOH_CONFIG_OVERRIDE"
                 )));
             }
-            Err(_) => std::thread::sleep(ROUTER_INTERVAL),
+            Err(error) => {
+                if attempts == 0 {
+                    tracing::info!("waiting for a Zenoh router at {routers}: {error}");
+                }
+                attempts += 1;
+                std::thread::sleep(ROUTER_INTERVAL);
+            }
         }
     }
 }
