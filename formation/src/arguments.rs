@@ -92,6 +92,9 @@ pub enum FormationCommand {
     Run(Box<RunArguments>),
     /// Show a formation that runs elsewhere, until its verdict; changes nothing.
     Watch(WatchArguments),
+    /// Draw, plan and run formations, and watch them, in a browser on this machine.
+    #[cfg(feature = "studio")]
+    Studio(StudioArguments),
     /// Halt all modules of a running formation until `formation resume`; restarts do not end the stop.
     Stop(FormationSelector),
     /// Let a stopped formation go on.
@@ -268,6 +271,40 @@ pub struct WatchArguments {
     /// The session of the formation, where there are several.
     #[arg(long, value_name = "NUMBER")]
     pub session: Option<u32>,
+    /// Print what happens as lines of JSON, and go on after the verdict.
+    #[arg(long)]
+    pub events: bool,
+}
+
+/// What the page of the studio begins with, and what it may do.
+#[derive(Debug, Args)]
+pub struct StudioArguments {
+    /// A scenario file (YAML) to begin with.
+    #[arg(conflicts_with = "attach")]
+    pub scenario: Option<PathBuf>,
+    /// The port of the page on loopback [default: any free one].
+    #[arg(
+        long,
+        value_name = "PORT",
+        default_value_t = 0,
+        hide_default_value = true
+    )]
+    pub port: u16,
+    /// Only watch a formation that runs elsewhere, and change nothing.
+    #[arg(long)]
+    pub attach: bool,
+    /// ROS domain of runs, or of the formation that is watched, 0 to 232 [default: ROS_DOMAIN_ID, else the first free one for runs, 0
+    /// to watch]
+    #[arg(long, value_name = "D")]
+    pub domain: Option<Domain>,
+    /// Pass this option to `formation run`, such as --run-option=--speed=2; may be repeated.
+    #[arg(
+        long,
+        value_name = "OPTION",
+        allow_hyphen_values = true,
+        conflicts_with = "attach"
+    )]
+    pub run_option: Vec<String>,
 }
 
 /// What to run, and how.
@@ -324,10 +361,27 @@ pub struct RunArguments {
     /// Print one JSON object instead of a table; progress stays on standard error.
     #[arg(long)]
     pub json: bool,
+    /// Take orders as lines of JSON on standard input, print what happens as lines of JSON, and go on after the verdict until
+    /// the input ends; `formation studio` runs formations this way.
+    #[arg(long, conflicts_with_all = ["json", "plan_only", "report"])]
+    pub control: bool,
     /// Set by the launcher when it restarts itself in a network namespace of its own.
     #[arg(long, hide = true)]
     pub private_network: bool,
 }
+
+impl RunArguments {
+    /// How long a verdict is awaited.
+    pub fn patience(&self) -> Duration {
+        match self.control {
+            true => CONTROLLED_MAX,
+            false => self.timeout,
+        }
+    }
+}
+
+/// How long a run goes on that takes orders: a day.
+const CONTROLLED_MAX: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// How modules move.
 #[derive(Debug, Args)]

@@ -30,6 +30,8 @@ mod security;
 mod show;
 #[cfg(feature = "simulator")]
 mod simulate;
+#[cfg(feature = "studio")]
+mod studio;
 
 use std::process::ExitCode;
 
@@ -53,6 +55,8 @@ fn main() -> ExitCode {
         FormationCommand::Schema => show::schema(),
         FormationCommand::Run(arguments) => run::run(&arguments),
         FormationCommand::Watch(arguments) => run::watch(&arguments),
+        #[cfg(feature = "studio")]
+        FormationCommand::Studio(arguments) => studio::run(&arguments),
         FormationCommand::Stop(network) => operator::give(&network, &[operator::STOP.to_owned()]),
         FormationCommand::Resume(network) => {
             operator::give(&network, &[operator::RESUME.to_owned()])

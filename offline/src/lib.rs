@@ -18,6 +18,7 @@ mod spread;
 mod swap;
 mod table;
 mod trace;
+mod under_policy;
 mod warnings;
 
 #[cfg(feature = "simulator")]
@@ -37,4 +38,5 @@ pub use scenario_text::{field_percent, generated, to_yaml};
 pub use spread::WithoutSpread;
 pub use table::aligned;
 pub use trace::{TraceError, TraceVerdict, read_trace, verify_trace};
+pub use under_policy::problem_under;
 pub use warnings::of as oddities;

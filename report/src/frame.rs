@@ -75,6 +75,11 @@ impl Frame {
         self
     }
 
+    /// The x and y of the upper left corner in units, and the pixels in a unit.
+    pub(crate) fn origin_and_scale(&self) -> (f64, f64, f64) {
+        (self.left_units, self.top_units, self.scale)
+    }
+
     pub(crate) fn x(&self, pose: &Pose) -> f64 {
         (pose.x.to_units() - self.left_units) * self.scale
     }

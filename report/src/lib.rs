@@ -13,10 +13,12 @@ pub mod palette;
 mod pictures;
 mod planned;
 mod playback;
+mod played;
 mod subject;
 
 pub use animation::{Colours, animation};
 pub use page::{Fact, Summary, Tone, page};
 pub use pictures::{after, before};
 pub use planned::course_of_plan;
+pub use played::{PlayedFilm, film};
 pub use subject::Subject;

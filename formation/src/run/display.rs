@@ -6,8 +6,12 @@ use std::time::{Duration, Instant};
 use formation_event_log::Entry;
 use formation_model::PlanningProblem;
 use formation_model::text::listed;
+use formation_msgs::Verdict;
 use formation_offline::CheckedPlan;
+use formation_verifier_lines::ReportLine;
 use formation_verify::Progress;
+use serde::Serialize;
+use serde_json::json;
 
 use super::view::{Key, View};
 use crate::console;
@@ -45,6 +49,8 @@ pub enum Display {
     View(Box<View>),
     /// Elsewhere.
     Lines(LineThrottle),
+    /// For programs, as lines of JSON on the standard output, like those of a verifier.
+    Events,
 }
 
 impl Display {
@@ -104,14 +110,34 @@ impl Display {
                     console::note(&progress_line(progress));
                 }
             }
+            Self::Events => tell(&ReportLine::Progress(progress.clone())),
         }
     }
 
     /// Shows something that happened.
     pub fn show_entry(&mut self, entry: &Entry) {
-        if let Self::View(view) = self {
-            view.show_entry(entry);
+        match self {
+            Self::View(view) => view.show_entry(entry),
+            Self::Lines(_) => {}
+            Self::Events => tell(&ReportLine::Entry(entry.clone())),
         }
+    }
+
+    /// Shows a verdict that another process gave, where a watch does not end with it.
+    pub fn show_verdict(&self, verdict: &Verdict) {
+        if self.is_endless() {
+            tell(&json!({ "verdict": {
+                "outcome": outcome_name(verdict),
+                "filled_spots": verdict.filled_spots,
+                "spots": verdict.spots,
+                "violations": verdict.violations,
+            }}));
+        }
+    }
+
+    /// Whether what is shown goes on after a verdict.
+    pub fn is_endless(&self) -> bool {
+        matches!(self, Self::Events)
     }
 
     /// When to draw although nothing happens.
@@ -119,6 +145,7 @@ impl Display {
         match self {
             Self::View(view) => Some(view.due()),
             Self::Lines(throttle) => throttle.due(),
+            Self::Events => None,
         }
     }
 
@@ -126,7 +153,7 @@ impl Display {
     pub fn key(&self) -> Option<Key> {
         match self {
             Self::View(view) => view.key(),
-            Self::Lines(_) => None,
+            Self::Lines(_) | Self::Events => None,
         }
     }
 
@@ -139,6 +166,7 @@ impl Display {
                     console::note(&progress_line(progress));
                 }
             }
+            Self::Events => {}
         }
     }
 
@@ -146,7 +174,7 @@ impl Display {
     pub fn note(&mut self, line: &str) {
         match self {
             Self::View(view) => view.suspend(|| console::note(line)),
-            Self::Lines(_) => console::note(line),
+            Self::Lines(_) | Self::Events => console::note(line),
         }
     }
 
@@ -155,6 +183,19 @@ impl Display {
         if let Self::View(view) = self {
             view.finish();
         }
+    }
+}
+
+/// Writes a line of JSON. The reader who is gone has ended this process, or will.
+fn tell(line: &impl Serialize) {
+    let _ = console::result_json(line);
+}
+
+fn outcome_name(verdict: &Verdict) -> &'static str {
+    match verdict.outcome {
+        Verdict::OUTCOME_COMPLETE => "COMPLETE",
+        Verdict::OUTCOME_PARTIAL => "PARTIAL",
+        _ => "FAILED",
     }
 }
 

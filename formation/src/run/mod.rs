@@ -1,6 +1,7 @@
 //! `formation run`: every module in a process of its own, and a verdict from an independent one.
 
 mod claim;
+mod control;
 mod display;
 mod domain;
 mod network;
@@ -109,6 +110,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         environment: place.environment,
     };
     let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
+    let Some(judgement) = judgement.transpose() else {
+        return Ok(());
+    };
     let result =
         judgement.map(|judgement| RunReport::new(&plan, judgement, &observed, arguments.timeout));
     let session = stores.session;
@@ -173,24 +177,31 @@ struct OfSession<'a> {
 }
 
 /// Starts all processes, waits for the verdict and stops them again. Returns what was observed also of a run without a
-/// verdict.
+/// verdict; who controls a run gets no judgement.
 ///
 /// # Errors
 /// Says what could not be started.
 fn form(
     start: &Start<'_>,
     display: &mut Display,
-) -> Result<(Result<Judgement, Failure>, Observed), Failure> {
+) -> Result<(Result<Option<Judgement>, Failure>, Observed), Failure> {
     let mut supervisor = Supervisor::new(&[SIGINT, SIGTERM, SIGHUP])
         .context("cannot handle signals")
         .map_err(Failure::Failed)?;
     let began = Instant::now();
-    let ended = start.all(&mut supervisor).map(|roles| {
+    let is_controlled = start.arguments.control;
+    if is_controlled {
+        let taken = supervisor.take_orders();
+        taken
+            .context("cannot read orders")
+            .map_err(Failure::Failed)?;
+    }
+    let ended = start.all(&mut supervisor).map(|mut roles| {
         // The verifier's time begins with the target, which is announced last.
-        let patience = start.arguments.timeout + VERDICT_MARGIN;
+        let patience = start.arguments.patience() + VERDICT_MARGIN;
         RunLoop {
             supervisor: &mut supervisor,
-            roles: &roles,
+            roles: &mut roles,
             modules: start.problem.modules().len(),
             start: began,
             deadline: Instant::now() + patience,
@@ -199,6 +210,7 @@ fn form(
             observed: Observed::default(),
             orders: start.orders(),
             order_givers: BTreeSet::new(),
+            is_controlled,
         }
         .run()
     });
@@ -216,7 +228,8 @@ fn form(
     let (end, observed) = ended?;
     let failed = |what: String| Err(Failure::Failed(anyhow!(what)));
     let judgement = match end {
-        RunEnd::Judged(judgement) => Ok(judgement),
+        RunEnd::Judged(judgement) => Ok(Some(judgement)),
+        RunEnd::Asked => Ok(None),
         RunEnd::ProcessEnded(process, status) => {
             let what = anyhow!(process_ended(&supervisor, process, status));
             Err(match roles::is_bad_input(status) {

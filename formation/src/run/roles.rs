@@ -103,6 +103,11 @@ impl Deaths {
         self.0.push(death);
     }
 
+    /// Takes back the end of the process of these modules, which runs again.
+    pub fn forget(&mut self, modules: &[ModuleId]) {
+        self.0.retain(|death| death.modules != modules);
+    }
+
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &Death> {
         self.0.iter()

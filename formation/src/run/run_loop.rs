@@ -1,6 +1,7 @@
 //! One run, from the first process to the verdict.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::process::{Command, ExitStatus};
 use std::time::{Duration, Instant};
 
@@ -9,7 +10,9 @@ use formation_model::text::listed_in_full;
 use formation_motion::WorldReport;
 use formation_verifier_lines::{AgreementReport, ReportLine, VerdictReport};
 use formation_verify::{Outcome, Progress};
+use ros_runtime::exit::Failure;
 
+use super::control::Told;
 use super::display::Display;
 use super::operator;
 use super::recording::Recording;
@@ -50,6 +53,8 @@ pub enum RunEnd {
     Interrupted(i32),
     /// The time was up.
     TimedOut,
+    /// The one who gave the orders ended it.
+    Asked,
 }
 
 /// What was observed of a run.
@@ -78,7 +83,7 @@ pub struct RunLoop<'a> {
     /// The processes.
     pub supervisor: &'a mut Supervisor,
     /// Their roles.
-    pub roles: &'a ProcessRoles,
+    pub roles: &'a mut ProcessRoles,
     /// How many modules take part.
     pub modules: usize,
     /// When the first process was started.
@@ -93,12 +98,20 @@ pub struct RunLoop<'a> {
     pub observed: Observed,
     /// Makes the commands that give orders to the modules.
     pub orders: Orders<'a>,
-    /// The processes that give them.
+    /// The processes that give them, and target publishers that were replaced.
     pub order_givers: BTreeSet<ProcessId>,
+    /// Whether another program gives orders and decides when the run ends.
+    pub is_controlled: bool,
 }
 
 /// Makes a command from options of the target publisher.
 type OrderCommand<'a> = Box<dyn Fn(&[String]) -> Command + 'a>;
+
+/// Starts the process that hosts these modules.
+type StartAgent<'a> = Box<dyn Fn(&mut Supervisor, &[ModuleId]) -> Result<ProcessId, Failure> + 'a>;
+
+/// Starts a target publisher.
+type StartTarget<'a> = Box<dyn Fn(&mut Supervisor, &Path) -> Result<ProcessId, Failure> + 'a>;
 
 /// Orders to the modules of a run.
 pub struct Orders<'a> {
@@ -106,6 +119,10 @@ pub struct Orders<'a> {
     pub command: OrderCommand<'a>,
     /// Whether robots vanish with their processes, so that their bodies are reported as removed.
     pub bodies_vanish: bool,
+    /// Starts the process of these modules.
+    pub agent: StartAgent<'a>,
+    /// Starts the publisher of the target of another scenario file.
+    pub target: StartTarget<'a>,
 }
 
 impl RunLoop<'_> {
@@ -135,6 +152,8 @@ impl RunLoop<'_> {
                 }
                 ProcessEvent::Exited(process, status) => self.take_exit(process, status),
                 ProcessEvent::Interrupted(signal) => Some(RunEnd::Interrupted(signal)),
+                ProcessEvent::Order(line) => self.take_order(&line),
+                ProcessEvent::OrdersEnded => Some(RunEnd::Asked),
                 ProcessEvent::TimedOut => {
                     self.display.refresh();
                     None
@@ -163,6 +182,7 @@ impl RunLoop<'_> {
 
     /// Takes in a line of the verifier.
     fn take_line(&mut self, line: &str, set_aside: &mut Option<VerdictReport>) -> Option<RunEnd> {
+        self.tell_line(line);
         match serde_json::from_str(line) {
             Ok(ReportLine::Progress(mut progress)) => {
                 progress.expected = Some(self.modules);
@@ -194,6 +214,9 @@ impl RunLoop<'_> {
                         self.relies_on_the_dead(&verdict) || self.leaves_out_the_living(&verdict)
                     }
                 };
+                if self.is_controlled {
+                    return None;
+                }
                 if may_change {
                     *set_aside = Some(verdict);
                     return None;
@@ -263,7 +286,7 @@ impl RunLoop<'_> {
     }
 
     /// Starts the process that gives an order.
-    fn give(&mut self, name: &str, order: &[String]) {
+    pub(super) fn give(&mut self, name: &str, order: &[String]) {
         let mut command = (self.orders.command)(order);
         let started =
             self.supervisor
@@ -305,7 +328,7 @@ impl RunLoop<'_> {
             .progress
             .as_ref()
             .is_some_and(Progress::knows_target);
-        let roles = self.roles;
+        let roles = &*self.roles;
         if !roles.can_continue_without(process, status, all_joined, target_is_known) {
             return Some(RunEnd::ProcessEnded(process, status));
         }
@@ -317,10 +340,12 @@ impl RunLoop<'_> {
         };
         self.display
             .note(&format!("{death}; the run continues without it"));
+        self.tell(&Told::ended(&death));
         self.report_removal(&death.modules);
         let deaths = &mut self.observed.deaths;
         deaths.push(death);
-        (deaths.of_agents() == roles.agents.len()).then_some(RunEnd::NoAgentLeft(process, status))
+        (deaths.of_agents() == self.roles.agents.len() && !self.is_controlled)
+            .then_some(RunEnd::NoAgentLeft(process, status))
     }
 
     fn linger(&mut self) {
@@ -330,7 +355,7 @@ impl RunLoop<'_> {
                 ProcessEvent::Exited(process, _) if process == self.roles.verifier => break,
                 ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) => break,
                 ProcessEvent::Line(process, line) => self.take_other_line(process, &line),
-                ProcessEvent::Exited(..) => {}
+                ProcessEvent::Exited(..) | ProcessEvent::Order(_) | ProcessEvent::OrdersEnded => {}
             }
         }
     }
@@ -338,8 +363,6 @@ impl RunLoop<'_> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use formation_event_log::{Entry, LogEvent};
     use formation_model::{Assignment, Epoch, FormationStage, SpotId};
 
@@ -366,7 +389,7 @@ mod tests {
             })
             .collect();
         let agents = processes[2..].iter().copied().zip(1..);
-        let roles = ProcessRoles {
+        let mut roles = ProcessRoles {
             verifier: processes[0],
             target_publisher: processes[1],
             world: None,
@@ -378,7 +401,7 @@ mod tests {
         let start = Instant::now();
         let (end, observed) = RunLoop {
             supervisor: &mut supervisor,
-            roles: &roles,
+            roles: &mut roles,
             modules: 2,
             start,
             deadline: start + Duration::from_secs(seconds),
@@ -388,8 +411,11 @@ mod tests {
             orders: Orders {
                 command: Box::new(|_| Command::new("true")),
                 bodies_vanish: false,
+                agent: Box::new(|_, _| Err(Failure::failed("none"))),
+                target: Box::new(|_, _| Err(Failure::failed("none"))),
             },
             order_givers: BTreeSet::new(),
+            is_controlled: false,
         }
         .run();
         (end, observed, supervisor)

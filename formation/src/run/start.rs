@@ -34,6 +34,9 @@ const START_PAUSE_PER_PAIR: Duration = Duration::from_micros(100);
 /// A recorder records the own topics of at most this many modules.
 const RECORDED_MODULES_MAX: usize = 100;
 
+/// The program that announces the target.
+const TARGET_PUBLISHER: &str = "target_publisher";
+
 /// The program that plays the robots of a scenario.
 pub const WORLD: &str = "world";
 
@@ -72,20 +75,7 @@ impl Start<'_> {
         }
         let world = self.world(supervisor)?;
         let agents = self.agents(supervisor)?;
-        let modules = self.problem.modules().iter();
-        let ids: Vec<String> = modules.map(|module| module.id.0.to_string()).collect();
-        let target_publisher = self.program(
-            supervisor,
-            "target_publisher",
-            "target_publisher".to_owned(),
-            &[
-                "--expected-modules",
-                &ids.len().to_string(),
-                "--founders",
-                &ids.join(","),
-            ],
-            ProcessOutput::Discarded,
-        )?;
+        let target_publisher = self.publisher_of(supervisor, &self.arguments.scenario)?;
         Ok(ProcessRoles {
             verifier,
             target_publisher,
@@ -99,13 +89,15 @@ impl Start<'_> {
     pub fn orders(&self) -> Orders<'_> {
         Orders {
             command: Box::new(|order| {
-                let mut command = self.programs.command("target_publisher");
+                let mut command = self.programs.command(TARGET_PUBLISHER);
                 self.place(&mut command);
                 command.args(order);
                 self.join_session(&mut command);
                 command
             }),
             bodies_vanish: !self.arguments.motion.bodies_stay(),
+            agent: Box::new(|supervisor, modules| self.agent_of(supervisor, modules)),
+            target: Box::new(|supervisor, scenario| self.publisher_of(supervisor, scenario)),
         }
     }
 
@@ -125,7 +117,7 @@ impl Start<'_> {
     }
 
     fn verifier(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {
-        let timeout = self.arguments.timeout.as_secs_f64().to_string();
+        let timeout = self.arguments.patience().as_secs_f64().to_string();
         let until = match self.arguments.plan_only {
             true => "--plan-only",
             // When a module dies, the verdict may change.
@@ -174,37 +166,77 @@ impl Start<'_> {
         &self,
         supervisor: &mut Supervisor,
     ) -> Result<BTreeMap<ProcessId, Vec<ModuleId>>, Failure> {
-        let motion = &self.arguments.motion;
-        let speed = motion.speed.to_string();
-        let state_dir = self.stores.directory.to_string_lossy();
-        let mut common = vec!["--state-dir", &state_dir];
-        common.extend(["--speed", &speed, "--motion", motion.mode()]);
-        let tolerances = motion.world.module_options();
-        common.extend(tolerances.iter().map(String::as_str));
-        common.extend(motion.module_option.iter().map(String::as_str));
-        if self.arguments.plan_only {
-            common.push("--plan-only");
-        }
         let mut agents = BTreeMap::new();
         for host in self.hosts {
             if !self.carrier.is_zenoh() && !supervisor.pause(start_pause(agents.len())) {
                 break;
             }
-            let list = ranges(host.modules.iter().copied());
-            let option = match host.modules.len() {
-                1 => "--module",
-                _ => "--modules",
-            };
-            let process = self.program(
-                supervisor,
-                host.program(),
-                host.name(),
-                &[&[option, &list], common.as_slice()].concat(),
-                ProcessOutput::Discarded,
-            )?;
-            agents.insert(process, host.modules.clone());
+            agents.insert(self.agent(supervisor, host)?, host.modules.clone());
         }
         Ok(agents)
+    }
+
+    /// Starts the process of some modules.
+    fn agent(&self, supervisor: &mut Supervisor, host: &Host) -> Result<ProcessId, Failure> {
+        let motion = &self.arguments.motion;
+        let speed = motion.speed.to_string();
+        let state_dir = self.stores.directory.to_string_lossy();
+        let list = ranges(host.modules.iter().copied());
+        let option = match host.modules.len() {
+            1 => "--module",
+            _ => "--modules",
+        };
+        let mut options = vec![option, &list, "--state-dir", &state_dir];
+        options.extend(["--speed", &speed, "--motion", motion.mode()]);
+        let tolerances = motion.world.module_options();
+        options.extend(tolerances.iter().map(String::as_str));
+        options.extend(motion.module_option.iter().map(String::as_str));
+        if self.arguments.plan_only {
+            options.push("--plan-only");
+        }
+        self.program(
+            supervisor,
+            host.program(),
+            host.name(),
+            &options,
+            ProcessOutput::Discarded,
+        )
+    }
+
+    /// Starts the process of these modules again.
+    fn agent_of(
+        &self,
+        supervisor: &mut Supervisor,
+        modules: &[ModuleId],
+    ) -> Result<ProcessId, Failure> {
+        let mut hosts = self.hosts.iter();
+        let host = hosts.find(|host| host.modules == modules);
+        let host = host.ok_or_else(|| Failure::failed("no process hosts these modules"))?;
+        self.agent(supervisor, host)
+    }
+
+    /// Starts the publisher of the target of a scenario file, for the modules of the run.
+    fn publisher_of(
+        &self,
+        supervisor: &mut Supervisor,
+        scenario: &Path,
+    ) -> Result<ProcessId, Failure> {
+        let modules = self.problem.modules().iter();
+        let ids: Vec<String> = modules.map(|module| module.id.0.to_string()).collect();
+        let mut command = self.programs.command(TARGET_PUBLISHER);
+        command.arg("--scenario").arg(scenario);
+        self.node(
+            supervisor,
+            command,
+            TARGET_PUBLISHER.to_owned(),
+            &[
+                "--expected-modules",
+                &ids.len().to_string(),
+                "--founders",
+                &ids.join(","),
+            ],
+            ProcessOutput::Discarded,
+        )
     }
 
     /// Starts what drives the modules, with the environment variables that set the domain and the discovery range of any ROS 2 node.

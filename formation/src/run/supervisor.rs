@@ -59,6 +59,10 @@ pub enum ProcessEvent {
     Exited(ProcessId, ExitStatus),
     /// A signal asks the launcher to end.
     Interrupted(i32),
+    /// A line on the launcher's own input.
+    Order(String),
+    /// The launcher's own input ended.
+    OrdersEnded,
     /// Nothing happened until the deadline.
     TimedOut,
 }
@@ -68,6 +72,8 @@ enum Input {
     Error(ProcessId, String),
     Closed(ProcessId),
     Signal(i32),
+    Order(String),
+    OrdersEnded,
 }
 
 struct Supervised {
@@ -183,6 +189,28 @@ impl Supervisor {
         Ok(())
     }
 
+    /// Reports the lines of the launcher's own input from now on.
+    ///
+    /// # Errors
+    /// No thread can be started.
+    pub fn take_orders(&mut self) -> io::Result<()> {
+        let sender = self.sender.clone();
+        spawn_thread("orders".to_owned(), move || {
+            let _ = for_each_line(BufReader::new(io::stdin()), LINE_BYTES_MAX, |line| {
+                sender.send(Input::Order(line)).is_ok()
+            });
+            let _ = sender.send(Input::OrdersEnded);
+        })
+    }
+
+    /// Sends a signal to a process that still runs; `false` if it has ended.
+    pub fn signal(&mut self, process: ProcessId, signal: Signal) -> bool {
+        let supervised = &self.processes[process.0];
+        // It was not waited for while it has no exit, so the number is still its own.
+        supervised.exit.is_none()
+            && kill_process(Pid::from_child(&supervised.child), signal).is_ok()
+    }
+
     /// The name of a process in messages to people.
     pub fn name(&self, process: ProcessId) -> &str {
         &self.processes[process.0].name
@@ -265,6 +293,8 @@ impl Supervisor {
                 }
                 supervised.tail.push(line);
             }
+            Input::Order(line) => self.pending.push_back(ProcessEvent::Order(line)),
+            Input::OrdersEnded => self.pending.push_back(ProcessEvent::OrdersEnded),
             Input::Closed(process) => self.processes[process.0].open_streams -= 1,
             Input::Signal(SIGCHLD) => self.reap(),
             Input::Signal(signal) => {

@@ -70,7 +70,10 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
         format!("module_size:={:?}", size.metres()),
     ];
     let settings = joining::settings(environment, middleware, &parameters)?;
-    let mut display = Display::watch();
+    let mut display = match arguments.events {
+        true => Display::Events,
+        false => Display::watch(),
+    };
     display.set_name(&format!("session {session}"));
     let end = rejoining(|| observe(&settings, &mut display, &stop));
     display.finish();
@@ -258,7 +261,10 @@ impl Node for Watcher<'_> {
     fn handle(&mut self, input: Input) {
         match input {
             Input::Messages(received) => self.handle_messages(&received),
-            Input::Verdict(verdict) => self.verdict = Some(*verdict),
+            Input::Verdict(verdict) => {
+                self.display.show_verdict(&verdict);
+                self.verdict = Some(*verdict);
+            }
             Input::Plan(epoch, plan) if self.epoch == Some(epoch) => match plan {
                 Ok(plan) => self.display.set_plan(plan),
                 Err(reason) => self.display.note(&format!("no plan is shown: {reason}")),
@@ -354,6 +360,9 @@ impl Watcher<'_> {
     /// COMPLETE ends a formation. Other verdicts may be replaced while messages come.
     fn find_end(&self, now: Instant) -> Option<End> {
         let is_silent = now >= self.silent_at();
+        if self.display.is_endless() {
+            return is_silent.then_some(End::Silent);
+        }
         match self.verdict() {
             Some(verdict) if is_silent || verdict.outcome == Verdict::OUTCOME_COMPLETE => {
                 Some(End::Judged(Box::new(verdict.clone())))

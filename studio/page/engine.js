@@ -1,0 +1,41 @@
+// Asks the engine: the functions of the core, behind the server of this page or, where there is none, as WebAssembly.
+
+/** A request that was refused: its message is for people, `place` says which modules, spots and boxes it is about. */
+export class Refused extends Error {
+  constructor({ text, modules = [], spots = [], obstacles = [] }) {
+    super(text);
+    this.place = { modules, spots, obstacles };
+  }
+}
+
+let answer = async (request) => {
+  const response = await fetch("api/engine", {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: request,
+  });
+  return response.text();
+};
+
+/** Uses another way to the engine: a function from a request to an answer, both as text. */
+export function answerBy(other) {
+  answer = other;
+}
+
+/** Asks for something, and returns it; throws `Refused`. */
+export async function ask(call, fields = {}) {
+  const answered = JSON.parse(await answer(JSON.stringify({ call, ...fields })));
+  if (answered.error) {
+    throw new Refused(answered.error);
+  }
+  return answered.ok;
+}
+
+/** Sends an order to the server; throws `Refused`. */
+export async function order(path, body = {}) {
+  const response = await fetch(`api/${path}`, {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
+  });
+  const answered = await response.json().catch(() => ({ error: { text: `the studio answers ${response.status}` } }));
+  if (answered.error) {
+    throw new Refused(answered.error);
+  }
+}

@@ -1,0 +1,130 @@
+// A film that the engine made: where all modules are at a time, and the player that runs it.
+
+/** The last element of a list, by time, that is not later. */
+function lastBefore(list, time) {
+  let [low, high] = [0, list.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (list[middle][0] <= time) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+export class Film {
+  constructor(data) {
+    const { left_units: left, top_units: top, pixels_per_unit: scale } = data.ground;
+    const place = (x, y) => ({ x: left + x / scale, y: top - y / scale });
+    this.length = data.length;
+    this.begin = data.begin;
+    this.clock = data.clock;
+    this.steps = data.steps;
+    this.links = data.links;
+    this.modules = data.modules.map(({ id, track, path = [], phases }) => ({
+      id, phases,
+      track: track.map(([at, x, y, turn]) => [at, { ...place(x, y), theta: (-turn * Math.PI) / 180 }]),
+      path: path.map(([x, y]) => place(x, y)),
+    }));
+  }
+
+  /** The modules at a time, with their phases and links, and the sentence of the last step. */
+  at(time) {
+    const modules = this.modules.map(({ id, track, phases }) => {
+      const index = Math.max(0, lastBefore(track, time));
+      const [from, pose] = track[index];
+      const next = track[index + 1];
+      const phase = phases[lastBefore(phases, time)]?.[1];
+      if (!next || next[0] <= from) return { id, phase, ...pose };
+      const share = Math.max(0, (time - from) / (next[0] - from));
+      const between = (one, other) => one + (other - one) * share;
+      return { id, phase, x: between(pose.x, next[1].x), y: between(pose.y, next[1].y), theta: between(pose.theta, next[1].theta) };
+    });
+    const held = this.links.filter(([, , , from, to]) => from <= time && (to == null || time < to));
+    const links = held.map(([one, other]) => [this.modules[one].id, this.modules[other].id]);
+    let caption = "";
+    for (const { at, text } of this.steps) {
+      if (at > time) break;
+      caption = text;
+    }
+    return { modules, links, caption, paths: this.modules.filter(({ path }) => path.length > 1).map(({ path }) => path) };
+  }
+
+  /** The recorded seconds at a time of the film. */
+  seconds(time) {
+    const index = Math.max(0, lastBefore(this.clock, time));
+    const [from, passed] = this.clock[index] ?? [0, 0];
+    const next = this.clock[index + 1];
+    const share = next && next[0] > from ? (time - from) / (next[0] - from) : 0;
+    return (passed + (next ? (next[1] - passed) * Math.max(0, share) : 0)) / 1000;
+  }
+}
+
+/** Plays films with the controls of the page; `show` is called with the time of each frame, or with null when none is shown. */
+export class Player {
+  constructor(show) {
+    this.show = show;
+    this.film = null;
+    this.time = null;
+    this.calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const part = (id) => document.getElementById(id);
+    [this.button, this.scrub, this.clock, this.speed] = ["play", "scrub", "clock", "speed"].map(part);
+    this.button.addEventListener("click", () => this.toggle());
+    this.scrub.addEventListener("input", () => this.seek(this.scrub.valueAsNumber));
+  }
+
+  /** Takes in another film, and shows the drawing until it is played. */
+  load(film) {
+    this.pause();
+    this.film = film;
+    this.time = null;
+    this.button.disabled = this.scrub.disabled = !film;
+    this.scrub.max = film ? film.length : 1;
+    this.scrub.value = film ? film.begin : 0;
+    this.clock.textContent = film ? `${film.seconds(film.length).toFixed(1)} s` : "";
+    this.show(null);
+  }
+
+  toggle() {
+    if (this.playing) {
+      this.pause();
+      return;
+    }
+    if (this.time == null || this.time >= this.film.length) this.time = this.film.begin;
+    if (this.calm) {
+      this.seek(this.film.length);
+      return;
+    }
+    this.playing = performance.now();
+    this.button.textContent = "❚❚";
+    this.button.setAttribute("aria-label", "Pause");
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  pause() {
+    this.playing = null;
+    this.button.textContent = "▶";
+    this.button.setAttribute("aria-label", "Play");
+  }
+
+  frame(now) {
+    if (!this.playing) return;
+    this.seek(Math.min(this.film.length, this.time + ((now - this.playing) / 1000) * Number(this.speed.value)));
+    this.playing = now;
+    if (this.time >= this.film.length) this.pause();
+    else requestAnimationFrame((next) => this.frame(next));
+  }
+
+  seek(time) {
+    this.time = time;
+    this.scrub.value = time;
+    this.clock.textContent = `${this.film.seconds(time).toFixed(1)} s`;
+    this.show(time);
+  }
+
+  /** Shows the drawing again. */
+  leave() {
+    this.pause();
+    this.time = null;
+    this.show(null);
+  }
+}

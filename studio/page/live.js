@@ -1,0 +1,218 @@
+// A run of real processes, as it happens: what the server sends, and the orders that go back.
+
+import { groupColour } from "./stage.js";
+import { order } from "./engine.js";
+
+const LOG_MAX = 200;
+const part = (id) => document.getElementById(id);
+const units = (micro) => micro / 1e6;
+const poseOf = ({ x, y, theta }) => ({ x: units(x), y: units(y), theta: units(theta) });
+
+export class Live {
+  /** `current` gives the text of what is drawn, `show` is called when there is something new to show. */
+  constructor(drawing, stage, show, tell) {
+    Object.assign(this, { drawing, stage, show, tell, chosen: null, running: false, readOnly: false });
+    this.reset();
+    const orders = {
+      run: () => this.start(),
+      "next-target": () => this.send("run/target", { text: this.text() }),
+      stop: () => this.send("run/stop"),
+      resume: () => this.send("run/resume"),
+      end: () => this.send("run/end"),
+      kill: () => this.send("run/kill", { module: this.chosen }),
+      restart: () => this.send("run/restart", { module: this.chosen }),
+    };
+    for (const [id, act] of Object.entries(orders)) part(id).addEventListener("click", act);
+  }
+
+  text() {
+    return JSON.stringify(this.drawing.scenario());
+  }
+
+  reset() {
+    this.modules = new Map();
+    this.dead = new Set();
+    this.progress = null;
+    this.verdict = null;
+    this.colours = new Map();
+    this.groups = new Map();
+    this.drawing.groups().filter((members) => members.length > 1).forEach((members, index) => {
+      for (const { id } of members) this.groups.set(id, index);
+    });
+  }
+
+  /** Begins to listen, if there is a server. */
+  async connect() {
+    let state;
+    try {
+      const response = await fetch("api/state");
+      state = response.ok ? await response.json() : null;
+    } catch {
+      state = null;
+    }
+    if (!state) return null;
+    this.readOnly = state.read_only;
+    this.running = state.running;
+    part("live").hidden = false;
+    const events = new EventSource("api/events?from=0");
+    events.addEventListener("message", ({ data }) => this.take(JSON.parse(data)));
+    this.refresh();
+    return state;
+  }
+
+  async send(path, body) {
+    try {
+      await order(path, body);
+      this.note("");
+    } catch (error) {
+      this.note(error.message);
+    }
+  }
+
+  async start() {
+    this.reset();
+    this.show();
+    part("run").disabled = true;
+    await this.send("run", { text: this.text() });
+    this.refresh();
+  }
+
+  take(event) {
+    const [kind] = Object.keys(event);
+    const content = event[kind];
+    const takes = {
+      studio: () => this.boundary(content),
+      entry: () => this.entry(content),
+      progress: () => { this.progress = content; },
+      verdict: () => this.judge(content),
+      ended: () => { for (const id of content.modules) this.dead.add(id); this.log(content.text); },
+      restarted: () => { for (const id of content.modules) this.dead.delete(id); },
+      done: () => this.log(content.text),
+      refused: () => { this.note(content.text); this.log(content.text); },
+      note: () => this.log(content),
+    };
+    takes[kind]?.();
+    this.refresh();
+  }
+
+  boundary({ began, ended }) {
+    if (began) this.reset();
+    this.running = Boolean(began);
+    if (ended) this.log("the run has ended");
+  }
+
+  entry(entry) {
+    if (entry.state) {
+      const { module, phase, pose, links, spot } = entry.state;
+      this.modules.set(module, { id: module, phase, links, spot, ...poseOf(pose) });
+    } else if (entry.pose) {
+      Object.assign(this.modules.get(entry.pose.module) ?? {}, poseOf(entry.pose.pose));
+    } else if (entry.roster || entry.gathering) {
+      this.verdict = null;
+    }
+  }
+
+  judge(verdict) {
+    this.verdict = verdict;
+    const filled = verdict.filled_spots;
+    this.log(`${verdict.outcome}: ${filled} of ${filled + verdict.open_spots.length} spots are filled`);
+  }
+
+  log(text) {
+    const line = document.createElement("li");
+    line.textContent = text;
+    part("log").append(line);
+    while (part("log").childElementCount > LOG_MAX) part("log").firstElementChild.remove();
+  }
+
+  note(text) {
+    this.tell(text);
+  }
+
+  /** What happens, drawn and in words; at most once a frame. */
+  refresh() {
+    if (this.asked) return;
+    this.asked = requestAnimationFrame(() => {
+      this.asked = null;
+      this.words();
+      this.show();
+    });
+  }
+
+  words() {
+    const { progress, verdict, running, readOnly } = this;
+    part("run").hidden = part("next-target").hidden = part("end").hidden = readOnly;
+    part("stop").hidden = part("resume").hidden = readOnly;
+    part("run").disabled = running;
+    const stopped = Boolean(progress?.stopped);
+    for (const id of ["next-target", "end"]) part(id).disabled = !running;
+    part("stop").disabled = !running || stopped;
+    part("resume").disabled = !running || !stopped;
+    const stage = part("stage");
+    stage.className = "outcome";
+    if (verdict) {
+      stage.textContent = `${verdict.outcome}: ${verdict.filled_spots} spots filled${verdict.violations.length ? `; ${verdict.violations[0]}` : ""}`;
+      stage.classList.add(verdict.outcome === "COMPLETE" ? "good" : "bad");
+    } else if (progress) {
+      stage.textContent = stopped ? `${progress.phase}, stopped` : progress.phase;
+    } else {
+      stage.textContent = running ? "starting the processes" : "";
+    }
+    const counts = part("counts");
+    counts.replaceChildren();
+    for (const name of progress ? ["joined", "planned", "agreed", "settled"] : []) {
+      const [term, number] = [document.createElement("dt"), document.createElement("dd")];
+      term.textContent = name;
+      number.textContent = `${progress[name]}`;
+      const group = document.createElement("div");
+      group.append(term, number);
+      counts.append(group);
+    }
+    const waiting = progress?.waiting_for ?? [];
+    part("waits").textContent = waiting.length && running ? `waiting for module${waiting.length > 1 ? "s" : ""} ${waiting.slice(0, 12).join(", ")}${waiting.length > 12 ? " …" : ""}` : "";
+    this.describe();
+  }
+
+  pick(place) {
+    const near = [...this.modules.values()].find(({ x, y }) => Math.hypot(x - place.x, y - place.y) < 0.6);
+    this.chosen = near ? near.id : null;
+    this.refresh();
+  }
+
+  describe() {
+    const module = this.modules.get(this.chosen);
+    part("chosen").hidden = !module;
+    if (!module) return;
+    const isDead = this.dead.has(module.id);
+    const spot = module.spot == null ? "without a spot" : `spot ${module.spot}`;
+    part("chosen-text").textContent = `Module ${module.id}: ${isDead ? "its process ended" : module.phase.toLowerCase()}, ${spot}, docked to ${module.links.length ? module.links.join(", ") : "nothing"}`;
+    part("kill").hidden = part("restart").hidden = this.readOnly;
+    part("kill").disabled = isDead || !this.running;
+    part("restart").disabled = !isDead || !this.running;
+  }
+
+  /** Whether there is something to see. */
+  isSeen() {
+    return this.modules.size > 0;
+  }
+
+  /** The scene of the run. */
+  scene() {
+    const modules = [...this.modules.values()].map((module) => ({
+      ...module, colour: groupColour(this.groups.get(module.id)), settled: module.phase === "SETTLED", gone: this.dead.has(module.id),
+    }));
+    const links = modules.flatMap(({ id, links: docked }) => docked.filter((other) => id < other).map((other) => [id, other]));
+    const chosen = this.modules.get(this.chosen);
+    return { modules, links, marks: chosen ? [{ ...chosen, kind: "ink" }] : [] };
+  }
+
+  /** The modules where they stand now, as lists of a scenario, docked as they are. */
+  standing() {
+    const alive = [...this.modules.values()].filter(({ id }) => !this.dead.has(id));
+    const round = (number) => Math.round(number * 1e4) / 1e4;
+    return {
+      modules: alive.map(({ id, x, y, theta }) => ({ id, x: round(x), y: round(y), theta: round(theta), group: null })),
+      links: alive.flatMap(({ id, links }) => links.filter((other) => id < other && this.modules.has(other) && !this.dead.has(other)).map((other) => [id, other])),
+    };
+  }
+}

@@ -1,0 +1,266 @@
+// The page: what is drawn is checked and planned as one draws, played as a film, and run by real processes.
+
+import { ask } from "./engine.js";
+import { Drawing } from "./drawing.js";
+import { Editor } from "./editor.js";
+import { Film, Player } from "./film.js";
+import { Live } from "./live.js";
+import { Stage, groupColour } from "./stage.js";
+
+const PLAN_DELAY_MS = 150;
+const part = (id) => document.getElementById(id);
+
+const drawing = new Drawing();
+const stage = new Stage(part("ground"));
+const second = new Stage(part("second"));
+let films = [null, null];
+let findings = [];
+let asked = 0;
+
+const live = new Live(drawing, stage, () => render(), (text) => { part("caption").textContent = text; });
+const player = new Player(() => render());
+/** Nothing is drawn while a film or a run is shown. */
+const isLocked = () => player.time != null || isWatching();
+let watching = true;
+const isWatching = () => live.isSeen() && watching;
+const editor = new Editor(stage, drawing, () => isLocked(), (place) => {
+  if (player.time != null) player.leave();
+  else live.pick(place);
+});
+
+/** The scene of what is drawn. */
+function drawn() {
+  const { spots, edges, modules, links, obstacles, rest } = drawing.now;
+  const colours = new Map();
+  drawing.groups().filter((members) => members.length > 1).forEach((members, index) => {
+    for (const { id } of members) colours.set(id, index);
+  });
+  const kinds = { error: "bad", warning: "warn" };
+  const marks = findings.flatMap(({ severity, modules: named, spots: places }) => [
+    ...modules.filter(({ id }) => named.includes(id)), ...spots.filter(({ id }) => places.includes(id)),
+  ].map(({ x, y }) => ({ x, y, kind: kinds[severity] })));
+  return {
+    spots, edges, obstacles, links, marks, arena: rest.arena, cursor: editor.cursor,
+    modules: modules.map((module) => ({ ...module, colour: groupColour(colours.get(module.id)) })), colours,
+  };
+}
+
+function render() {
+  const base = drawn();
+  const frame = (film) => {
+    const { modules, links, paths } = film.at(Math.min(player.time, film.length));
+    return {
+      ...base, links, paths, marks: [],
+      modules: modules.map((module) => ({ ...module, colour: groupColour(base.colours.get(module.id)), settled: module.phase === "SETTLED" })),
+    };
+  };
+  const [film, other] = films;
+  if (player.time != null && film) {
+    stage.show(frame(film));
+    part("caption").textContent = film.at(player.time).caption;
+    if (other) second.show(frame(other));
+  } else if (isWatching()) {
+    stage.show({ ...base, ...live.scene() });
+    if (other) second.show(base);
+  } else {
+    stage.show(base);
+    if (other) second.show(base);
+    if (part("caption").textContent && player.film === film) part("caption").textContent = "";
+  }
+}
+
+function listFindings(list) {
+  findings = list;
+  part("findings").replaceChildren(...list.map(({ severity, text }) => {
+    const item = document.createElement("li");
+    item.className = severity;
+    item.textContent = text;
+    return item;
+  }));
+}
+
+function tabulate(numbers) {
+  part("numbers").replaceChildren(...numbers.map((row) => {
+    const line = document.createElement("tr");
+    const head = document.createElement("th");
+    head.textContent = row[0];
+    line.append(head, ...row.slice(1).map((value) => {
+      const cell = document.createElement("td");
+      cell.textContent = value;
+      return cell;
+    }));
+    return line;
+  }));
+}
+
+/** Plans what is drawn; the latest question wins. */
+async function plan() {
+  const number = ++asked;
+  const { spots, modules } = drawing.now;
+  const outcome = part("outcome");
+  if (spots.length === 0 || modules.length === 0) {
+    films = [null, null];
+    player.load(null);
+    listFindings([]);
+    tabulate([]);
+    outcome.className = "outcome";
+    outcome.textContent = spots.length === 0 ? "Draw the spots of the target." : "Draw the modules that are to form it.";
+    return;
+  }
+  const text = JSON.stringify(drawing.scenario());
+  const [policy, beside] = [part("policy").value, part("beside").value];
+  const fields = policy ? { text, policy } : { text };
+  const answers = [ask("plan", fields), ...(beside ? [ask("plan", { text, policy: beside })] : [])];
+  const [one, other] = await Promise.allSettled(answers);
+  if (number !== asked) return;
+  if (one.status === "rejected") {
+    films = [null, null];
+    player.load(null);
+    outcome.className = "outcome bad";
+    outcome.textContent = "There is no plan.";
+    tabulate([]);
+    listFindings([{ severity: "error", text: one.reason.message, ...(one.reason.place ?? { modules: [], spots: [] }) }]);
+  } else {
+    const planned = [one, other].filter((it) => it?.status === "fulfilled").map((it) => it.value);
+    films = [new Film(planned[0].film), planned[1] ? new Film(planned[1].film) : null];
+    player.load(films[0]);
+    outcome.className = "outcome";
+    outcome.textContent = planned[0].outcome;
+    listFindings(planned[0].findings);
+    const head = beside ? [["", ...planned.map((it) => it.policy)]] : [];
+    tabulate([...head, ...planned[0].numbers.map(({ name, value }, index) => [name, value, ...(planned[1] ? [planned[1].numbers[index]?.value ?? ""] : [])])]);
+  }
+  part("second").hidden = !films[1];
+  render();
+}
+
+let timer = null;
+drawing.listeners.push(() => {
+  part("undo").disabled = drawing.past.length === 0;
+  part("redo").disabled = drawing.future.length === 0;
+  player.leave();
+  render();
+  clearTimeout(timer);
+  timer = setTimeout(plan, PLAN_DELAY_MS);
+});
+
+function fit() {
+  const { spots, modules, obstacles } = drawing.now;
+  const shown = [...spots, ...modules, ...obstacles, ...(isWatching() ? live.scene().modules : [])];
+  stage.fit(shown.length > 1 ? shown : [{ x: 0, y: 0 }, { x: 11, y: 8 }]);
+  second.fit(shown);
+}
+
+async function read(text) {
+  const { scenario } = await ask("read", { text });
+  drawing.load(scenario);
+  drawing.shown = true;
+  fit();
+}
+
+/** A drawn target becomes a scenario with as many single modules below it. */
+function asScenario(text) {
+  const isMap = text.trim() !== "" && /^[o\-| \n\r#]*$/.test(text);
+  if (!isMap) return text;
+  const lines = text.replace(/\s+$/, "").split("\n");
+  const spots = [...text].filter((letter) => letter === "o").length;
+  const width = Math.max(4, Math.ceil(Math.sqrt(spots)));
+  const map = lines.map((line) => `    ${line}`).join("\n");
+  const singletons = Array.from({ length: spots }, (_, index) => ({ id: index + 1, x: (index % width) * 2, y: -3 - 2 * Math.floor(index / width) }));
+  return `name: drawn\ntarget:\n  map: |\n${map}\nsingletons: ${JSON.stringify(singletons)}\n`;
+}
+
+function download(name, kind, content) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: kind }));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+/** Runs an action of a button, and says what went wrong. */
+function onClick(id, act) {
+  part(id).addEventListener("click", async () => {
+    try {
+      await act();
+    } catch (error) {
+      part("caption").textContent = error.message;
+    }
+  });
+}
+
+const name = () => (drawing.now.rest.name || "formation").replace(/[^\w-]+/g, "_").slice(0, 60);
+const policyFields = () => (part("policy").value ? { policy: part("policy").value } : {});
+onClick("undo", () => drawing.undo());
+onClick("redo", () => drawing.redo());
+onClick("clear", () => { drawing.load({ name: "drawn", target: { spots: [], edges: [] } }); fit(); });
+onClick("fit", fit);
+onClick("zoom-in", () => [stage, second].forEach((one) => one.zoom(1.25)));
+onClick("zoom-out", () => [stage, second].forEach((one) => one.zoom(0.8)));
+onClick("export-yaml", async () => {
+  const { text } = await ask("write", { text: JSON.stringify(drawing.scenario()) });
+  download(`${name()}.yaml`, "text/yaml", text);
+});
+onClick("export-svg", async () => {
+  const { before } = await ask("pictures", { text: JSON.stringify(drawing.scenario()), ...policyFields() });
+  download(`${name()}.svg`, "image/svg+xml", before);
+});
+onClick("export-png", () => new Promise((done) => {
+  stage.draw();
+  part("ground").toBlob((blob) => { download(`${name()}.png`, "image/png", blob); done(); });
+}));
+onClick("paste", () => { part("paste-error").textContent = ""; part("paste-dialog").showModal(); });
+part("paste-ok").addEventListener("click", async () => {
+  try {
+    await read(asScenario(part("paste-text").value));
+    part("paste-dialog").close();
+  } catch (error) {
+    part("paste-error").textContent = error.message;
+  }
+});
+for (const id of ["policy", "beside"]) part(id).addEventListener("change", plan);
+part("run").addEventListener("click", () => { watching = true; });
+part("next-target").addEventListener("click", () => { watching = true; render(); });
+document.addEventListener("keydown", (event) => {
+  if (!event.ctrlKey && !event.metaKey) return;
+  if (event.target instanceof HTMLTextAreaElement) return;
+  if (event.key === "z" && !event.shiftKey) drawing.undo();
+  else if (event.key === "y" || event.key === "Z") drawing.redo();
+  else return;
+  event.preventDefault();
+});
+for (const button of document.querySelectorAll("[data-tool]")) {
+  // Whoever takes a tool wants to draw: the film ends, and the modules of a run stay where they stand now.
+  button.addEventListener("click", () => {
+    player.leave();
+    if (isWatching()) drawNext();
+  });
+}
+
+/** The next drawing begins with the modules of the run where they stand. */
+function drawNext() {
+  const { modules, links } = live.standing();
+  watching = false;
+  drawing.change((now) => Object.assign(now, { modules, links, leaders: [] }));
+}
+
+part("scenarios").addEventListener("change", async ({ target }) => {
+  const shipped = scenarios.find((one) => one.name === target.value);
+  if (shipped) {
+    watching = false;
+    await read(shipped.text);
+  }
+});
+
+const scenarios = (await ask("scenarios")).scenarios;
+part("scenarios").append(...scenarios.map(({ name: value }) => new Option(value, value)));
+const { policies } = await ask("policies");
+const choosable = policies.filter((policy) => policy.name !== "given");
+part("policy").append(new Option("as in the file", ""), ...choosable.map((policy) => new Option(policy.name, policy.name)));
+part("beside").append(...choosable.map((policy) => new Option(policy.name, policy.name)));
+const state = await live.connect();
+if (state?.scenario) await read(state.scenario);
+else fit();
+drawing.past = [];
+drawing.changed();
+document.body.dataset.ready = "yes";
