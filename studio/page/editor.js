@@ -2,10 +2,10 @@
 
 const TOOLS = ["spot", "module", "group", "wall", "dock", "move", "erase"];
 
-/** Binds the tools to a stage and a drawing. `locked` says when nothing may be drawn. */
+/** Binds the tools to a stage and a drawing. `locked` says when nothing may be drawn, `fixed` when modules stay as they are. */
 export class Editor {
-  constructor(stage, drawing, locked, onPick) {
-    Object.assign(this, { stage, drawing, locked, onPick, tool: "spot", stroke: null, cursor: null });
+  constructor(stage, drawing, { locked, fixed, onPick }) {
+    Object.assign(this, { stage, drawing, locked, fixed, onPick, tool: "spot", stroke: null, cursor: null });
     const canvas = stage.canvas;
     canvas.addEventListener("pointerdown", (event) => this.down(event));
     canvas.addEventListener("pointermove", (event) => this.moveTo(event));
@@ -67,8 +67,10 @@ export class Editor {
     if (stroke.last === `${x} ${y}`) return;
     stroke.last = `${x} ${y}`;
     const [spot, module, wall] = [drawing.spotAt(x, y), drawing.moduleAt(x, y), drawing.wallAt(x, y)];
+    const fixed = this.fixed();
+    if (fixed && (tool === "module" || tool === "group")) return;
     if (tool === "erase") {
-      if (module) drawing.removeModule(module);
+      if (module && !fixed) drawing.removeModule(module);
       else if (wall >= 0) drawing.removeWall(wall);
       else if (spot) drawing.removeSpot(spot);
     } else if (tool === "spot") {
@@ -96,13 +98,13 @@ export class Editor {
     };
     const modules = nearest(drawing.now.modules);
     const spots = nearest(drawing.now.spots);
-    if (modules) drawing.toggleLink(drawing.now.links, ...modules);
+    if (modules && !this.fixed()) drawing.toggleLink(drawing.now.links, ...modules);
     else if (spots) drawing.toggleLink(drawing.now.edges, ...spots);
   }
 
   grab(place) {
     const { drawing, stroke } = this;
-    const module = drawing.moduleAt(place.x, place.y);
+    const module = !this.fixed() && drawing.moduleAt(place.x, place.y);
     const spot = drawing.spotAt(place.x, place.y);
     const wall = drawing.wallAt(place.x, place.y);
     if (module) {

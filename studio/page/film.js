@@ -67,9 +67,24 @@ export class Player {
     this.time = null;
     this.calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
     const part = (id) => document.getElementById(id);
-    [this.button, this.scrub, this.clock, this.speed] = ["play", "scrub", "clock", "speed"].map(part);
+    [this.button, this.scrub, this.clock, this.speed, this.turns] = ["play", "scrub", "clock", "speed", "turns"].map(part);
     this.button.addEventListener("click", () => this.toggle());
     this.scrub.addEventListener("input", () => this.seek(this.scrub.valueAsNumber));
+    this.turns.addEventListener("change", () => {
+      this.limit();
+      this.time = this.first();
+      this.toggle();
+    });
+  }
+
+  /** Where the film begins: at the first motion, or with the turns in which spots are chosen. */
+  first() {
+    return this.film && !this.turns.checked ? this.film.begin : 0;
+  }
+
+  limit() {
+    this.scrub.min = this.first();
+    this.scrub.value = this.first();
   }
 
   /** Takes in another film, and shows the drawing until it is played. */
@@ -78,8 +93,9 @@ export class Player {
     this.film = film;
     this.time = null;
     this.button.disabled = this.scrub.disabled = !film;
+    this.turns.disabled = !film || film.begin === 0;
     this.scrub.max = film ? film.length : 1;
-    this.scrub.value = film ? film.begin : 0;
+    this.limit();
     this.clock.textContent = film ? `${film.seconds(film.length).toFixed(1)} s` : "";
     this.show(null);
   }
@@ -89,7 +105,8 @@ export class Player {
       this.pause();
       return;
     }
-    if (this.time == null || this.time >= this.film.length) this.time = this.film.begin;
+    if (!this.film) return;
+    if (this.time == null || this.time >= this.film.length) this.time = this.first();
     if (this.calm) {
       this.seek(this.film.length);
       return;
@@ -125,6 +142,7 @@ export class Player {
   leave() {
     this.pause();
     this.time = null;
+    this.scrub.value = this.first();
     this.show(null);
   }
 }

@@ -23,9 +23,14 @@ const player = new Player(() => render());
 const isLocked = () => player.time != null || isWatching();
 let watching = true;
 const isWatching = () => live.isSeen() && watching;
-const editor = new Editor(stage, drawing, () => isLocked(), (place) => {
-  if (player.time != null) player.leave();
-  else live.pick(place);
+const editor = new Editor(stage, drawing, {
+  locked: isLocked,
+  // They are where the processes of the run have them.
+  fixed: () => live.running,
+  onPick: (place) => {
+    if (player.time != null) player.leave();
+    else live.pick(place);
+  },
 });
 
 /** The scene of what is drawn. */
@@ -193,7 +198,16 @@ const name = () => (drawing.now.rest.name || "formation").replace(/[^\w-]+/g, "_
 const policyFields = () => (part("policy").value ? { policy: part("policy").value } : {});
 onClick("undo", () => drawing.undo());
 onClick("redo", () => drawing.redo());
-onClick("clear", () => { drawing.load({ name: "drawn", target: { spots: [], edges: [] } }); fit(); });
+onClick("clear", () => {
+  if (live.running) {
+    if (isWatching()) drawNext();
+    drawing.change((now) => Object.assign(now, { spots: [], edges: [] }));
+  } else {
+    watching = false;
+    drawing.load({ name: "drawn", target: { spots: [], edges: [] } });
+    fit();
+  }
+});
 onClick("fit", fit);
 onClick("zoom-in", () => [stage, second].forEach((one) => one.zoom(1.25)));
 onClick("zoom-out", () => [stage, second].forEach((one) => one.zoom(0.8)));
@@ -219,8 +233,12 @@ part("paste-ok").addEventListener("click", async () => {
   }
 });
 for (const id of ["policy", "beside"]) part(id).addEventListener("change", plan);
-part("run").addEventListener("click", () => { watching = true; });
-part("next-target").addEventListener("click", () => { watching = true; render(); });
+for (const id of ["run", "next-target"]) {
+  part(id).addEventListener("click", () => {
+    watching = true;
+    player.leave();
+  });
+}
 document.addEventListener("keydown", (event) => {
   if (!event.ctrlKey && !event.metaKey) return;
   if (event.target instanceof HTMLTextAreaElement) return;
@@ -263,4 +281,6 @@ if (state?.scenario) await read(state.scenario);
 else fit();
 drawing.past = [];
 drawing.changed();
+// For tests and for the console of the browser.
+window.formationStudio = { drawing, stage, live, player };
 document.body.dataset.ready = "yes";

@@ -86,7 +86,10 @@ class Browser:
                        features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
 
     def open(self, path):
-        self._ask("POST", "/url", {"url": Path(path).resolve().as_uri()})
+        self.visit(Path(path).resolve().as_uri())
+
+    def visit(self, address):
+        self._ask("POST", "/url", {"url": address})
 
     def run(self, script, *arguments):
         """Runs the body of a function in the page and returns what it returns."""
@@ -103,6 +106,13 @@ class Browser:
     def click(self, selector):
         element = self._ask("POST", "/element", {"using": "css selector", "value": selector})
         self._ask("POST", f"/element/{element[ELEMENT]}/click", {})
+
+    def drag(self, *places):
+        """Presses the mouse at the first place of the view, moves it to the others in turn, and releases it."""
+        moves = [{"type": "pointerMove", "duration": 0, "x": round(x), "y": round(y)} for x, y in places]
+        actions = [moves[0], {"type": "pointerDown", "button": 0}, *moves[1:], {"type": "pointerUp", "button": 0}]
+        mouse = {"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"}, "actions": actions}
+        self._ask("POST", "/actions", {"actions": [mouse]})
 
     def screenshot(self, left, top, width, height, scale=1.0):
         """A part of the page as PNG."""
