@@ -14,6 +14,8 @@ mod manual;
 )))]
 mod not_built;
 mod plan;
+#[cfg(feature = "studio")]
+mod studio;
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -36,6 +38,8 @@ pub use compare::CompareArguments;
 pub use generate::GenerateArguments;
 pub use manual::ManualArguments;
 pub use plan::PlanArguments;
+#[cfg(feature = "studio")]
+pub use studio::StudioArguments;
 
 /// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
 /// them changes; and each of them handles every message.
@@ -274,37 +278,6 @@ pub struct WatchArguments {
     /// Print what happens as lines of JSON, and go on after the verdict.
     #[arg(long)]
     pub events: bool,
-}
-
-/// What the page of the studio begins with, and what it may do.
-#[derive(Debug, Args)]
-pub struct StudioArguments {
-    /// A scenario file (YAML) to begin with.
-    #[arg(conflicts_with = "attach")]
-    pub scenario: Option<PathBuf>,
-    /// The port of the page on loopback [default: any free one].
-    #[arg(
-        long,
-        value_name = "PORT",
-        default_value_t = 0,
-        hide_default_value = true
-    )]
-    pub port: u16,
-    /// Only watch a formation that runs elsewhere, and change nothing.
-    #[arg(long)]
-    pub attach: bool,
-    /// ROS domain of runs, or of the formation that is watched, 0 to 232 [default: ROS_DOMAIN_ID, else the first free one for runs, 0
-    /// to watch]
-    #[arg(long, value_name = "D")]
-    pub domain: Option<Domain>,
-    /// Pass this option to `formation run`, such as --run-option=--speed=2; may be repeated.
-    #[arg(
-        long,
-        value_name = "OPTION",
-        allow_hyphen_values = true,
-        conflicts_with = "attach"
-    )]
-    pub run_option: Vec<String>,
 }
 
 /// What to run, and how.

@@ -54,7 +54,7 @@ export class Live {
     this.readOnly = state.read_only;
     this.running = state.running;
     part("live").hidden = false;
-    const events = new EventSource("api/events?from=0");
+    const events = new EventSource("api/events");
     events.addEventListener("message", ({ data }) => this.take(JSON.parse(data)));
     this.refresh();
     return state;
@@ -115,7 +115,7 @@ export class Live {
   judge(verdict) {
     this.verdict = verdict;
     const filled = verdict.filled_spots;
-    this.log(`${verdict.outcome}: ${filled} of ${filled + verdict.open_spots.length} spots are filled`);
+    this.log(`${verdict.outcome}: ${filled} of ${verdict.spots ?? filled + verdict.open_spots.length} spots are filled`);
   }
 
   log(text) {
@@ -201,7 +201,9 @@ export class Live {
     const modules = [...this.modules.values()].map((module) => ({
       ...module, colour: groupColour(this.groups.get(module.id)), settled: module.phase === "SETTLED", gone: this.dead.has(module.id),
     }));
-    const links = modules.flatMap(({ id, links: docked }) => docked.filter((other) => id < other).map((other) => [id, other]));
+    // Bodies of dead processes are drawn below what moves onto their places.
+    modules.sort((one, other) => Number(other.gone) - Number(one.gone));
+    const links = modules.flatMap(({ id, links: docked }) => docked.filter((other) => id < other && !this.dead.has(id) && !this.dead.has(other)).map((other) => [id, other]));
     const chosen = this.modules.get(this.chosen);
     return { modules, links, marks: chosen ? [{ ...chosen, kind: "ink" }] : [] };
   }

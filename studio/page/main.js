@@ -135,7 +135,10 @@ async function plan() {
     const head = beside ? [["", ...planned.map((it) => it.policy)]] : [];
     tabulate([...head, ...planned[0].numbers.map(({ name, value }, index) => [name, value, ...(planned[1] ? [planned[1].numbers[index]?.value ?? ""] : [])])]);
   }
-  part("second").hidden = !films[1];
+  if (part("second").hidden === Boolean(films[1])) {
+    part("second").hidden = !films[1];
+    fit();
+  }
   render();
 }
 

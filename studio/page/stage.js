@@ -266,9 +266,9 @@ export class Stage {
     this.lines(waits, theme.warn, Math.max(1, scale / 20), [3, 3]);
     for (const { x, y, kind } of marks) {
       pen.strokeStyle = theme[kind];
-      pen.lineWidth = Math.max(2, scale / 12);
+      pen.lineWidth = Math.max(2, scale / 20);
       pen.beginPath();
-      pen.arc(...this.at({ x, y }), scale * 0.68, 0, 2 * Math.PI);
+      pen.arc(...this.at({ x, y }), scale * 0.66, 0, 2 * Math.PI);
       pen.stroke();
     }
     if (cursor) {

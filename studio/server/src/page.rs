@@ -1,51 +1,28 @@
-//! The files of the page, which are part of the program.
+//! The files of the page, which the library contains.
 
-/// A file of the page.
-pub struct PageFile {
-    /// Its path below the address of the page.
-    pub name: &'static str,
-    /// Its media type.
-    pub kind: &'static str,
-    /// Its content.
-    pub content: &'static str,
-}
+/// The name of each file, and what is in it.
+const FILES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/page_files.rs"));
 
-const HTML: &str = "text/html; charset=utf-8";
-const STYLE: &str = "text/css; charset=utf-8";
-const SCRIPT: &str = "text/javascript; charset=utf-8";
-
-macro_rules! file {
-    ($name:literal, $kind:expr) => {
-        PageFile {
-            name: $name,
-            kind: $kind,
-            content: include_str!(concat!("../../page/", $name)),
-        }
-    };
-}
-
-/// All of them.
-const FILES: &[PageFile] = &[
-    file!("index.html", HTML),
-    file!("studio.css", STYLE),
-    file!("main.js", SCRIPT),
-    file!("engine.js", SCRIPT),
-    file!("drawing.js", SCRIPT),
-    file!("editor.js", SCRIPT),
-    file!("stage.js", SCRIPT),
-    file!("film.js", SCRIPT),
-    file!("live.js", SCRIPT),
-];
-
-/// The page may run its own scripts, ask this studio, and load nothing from elsewhere.
-pub const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
-     base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-/// The file of a path below the address.
-pub fn file(path: &str) -> Option<&'static PageFile> {
-    let name = match path {
+/// The type and the content of a file of the page; the empty name is that of the page itself.
+pub(crate) fn file(name: &str) -> Option<(&'static str, &'static [u8])> {
+    let name = match name {
         "" => "index.html",
-        path => path,
+        name => name,
     };
-    FILES.iter().find(|file| file.name == name)
+    let &(_, content) = FILES.iter().find(|(known, _)| *known == name)?;
+    let (_, end) = name.rsplit_once('.')?;
+    Some((content_type(end)?, content))
+}
+
+fn content_type(end: &str) -> Option<&'static str> {
+    Some(match end {
+        "html" => "text/html; charset=utf-8",
+        "css" => "text/css; charset=utf-8",
+        "js" => "text/javascript; charset=utf-8",
+        "json" => "application/json",
+        "svg" => "image/svg+xml",
+        "png" => "image/png",
+        "wasm" => "application/wasm",
+        _ => return None,
+    })
 }
