@@ -14,6 +14,7 @@ mod manual;
 )))]
 mod not_built;
 mod plan;
+mod studio;
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -36,6 +37,7 @@ pub use compare::CompareArguments;
 pub use generate::GenerateArguments;
 pub use manual::ManualArguments;
 pub use plan::PlanArguments;
+pub use studio::StudioArguments;
 
 /// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
 /// them changes; and each of them handles every message.
@@ -92,6 +94,10 @@ pub enum FormationCommand {
     Run(Box<RunArguments>),
     /// Show a formation that runs elsewhere, until its verdict; changes nothing.
     Watch(WatchArguments),
+    /// Draw scenarios, run them and watch them in a browser on this machine: serves a page, and prints its address.
+    ///
+    /// The page runs at most one scenario at a time, whose processes end with this program. Whoever knows the address can use it.
+    Studio(StudioArguments),
     /// Halt all modules of a running formation until `formation resume`; restarts do not end the stop.
     Stop(FormationSelector),
     /// Let a stopped formation go on.
@@ -268,6 +274,9 @@ pub struct WatchArguments {
     /// The session of the formation, where there are several.
     #[arg(long, value_name = "NUMBER")]
     pub session: Option<u32>,
+    /// Print what happens for programs, one JSON object a line, also after a verdict, until no message comes.
+    #[arg(long)]
+    pub events: bool,
 }
 
 /// What to run, and how.
@@ -324,6 +333,10 @@ pub struct RunArguments {
     /// Print one JSON object instead of a table; progress stays on standard error.
     #[arg(long)]
     pub json: bool,
+    /// Take orders from the standard input, and print what happens, one JSON object a line each; the run goes on after a verdict,
+    /// until the input ends.
+    #[arg(long, conflicts_with_all = ["json", "plan_only", "report"])]
+    pub attended: bool,
     /// Set by the launcher when it restarts itself in a network namespace of its own.
     #[arg(long, hide = true)]
     pub private_network: bool,

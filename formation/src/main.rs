@@ -30,6 +30,7 @@ mod security;
 mod show;
 #[cfg(feature = "simulator")]
 mod simulate;
+mod studio;
 
 use std::process::ExitCode;
 
@@ -53,6 +54,7 @@ fn main() -> ExitCode {
         FormationCommand::Schema => show::schema(),
         FormationCommand::Run(arguments) => run::run(&arguments),
         FormationCommand::Watch(arguments) => run::watch(&arguments),
+        FormationCommand::Studio(arguments) => studio::serve(&arguments),
         FormationCommand::Stop(network) => operator::give(&network, &[operator::STOP.to_owned()]),
         FormationCommand::Resume(network) => {
             operator::give(&network, &[operator::RESUME.to_owned()])

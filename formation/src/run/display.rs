@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use formation_event_log::Entry;
-use formation_model::PlanningProblem;
 use formation_model::text::listed;
+use formation_model::{ModuleId, PlanningProblem};
 use formation_offline::CheckedPlan;
 use formation_verify::Progress;
 
+use super::lines::{self, RunLine, RunVerdict};
 use super::view::{Key, View};
 use crate::console;
 
@@ -45,6 +46,8 @@ pub enum Display {
     View(Box<View>),
     /// Elsewhere.
     Lines(LineThrottle),
+    /// For a program, which reads the standard output.
+    Program,
 }
 
 impl Display {
@@ -95,6 +98,26 @@ impl Display {
         matches!(self, Self::View(_))
     }
 
+    /// Whether a program reads what is shown.
+    pub fn is_program(&self) -> bool {
+        matches!(self, Self::Program)
+    }
+
+    /// Shows a verdict that another may replace.
+    pub fn show_verdict(&mut self, verdict: RunVerdict) {
+        if self.is_program() {
+            lines::print(&RunLine::Verdict(verdict));
+        }
+    }
+
+    /// Shows that a process of modules was started or has ended.
+    pub fn show_process(&mut self, modules: &[ModuleId], running: bool) {
+        if self.is_program() && !modules.is_empty() {
+            let modules = modules.iter().copied().collect();
+            lines::print(&RunLine::Process { modules, running });
+        }
+    }
+
     /// Shows new progress.
     pub fn show_progress(&mut self, progress: &Progress) {
         match self {
@@ -104,13 +127,16 @@ impl Display {
                     console::note(&progress_line(progress));
                 }
             }
+            Self::Program => lines::print(&RunLine::Progress(progress.clone())),
         }
     }
 
     /// Shows something that happened.
     pub fn show_entry(&mut self, entry: &Entry) {
-        if let Self::View(view) = self {
-            view.show_entry(entry);
+        match self {
+            Self::View(view) => view.show_entry(entry),
+            Self::Lines(_) => {}
+            Self::Program => lines::print(&RunLine::Entry(entry.clone())),
         }
     }
 
@@ -119,6 +145,7 @@ impl Display {
         match self {
             Self::View(view) => Some(view.due()),
             Self::Lines(throttle) => throttle.due(),
+            Self::Program => None,
         }
     }
 
@@ -126,7 +153,7 @@ impl Display {
     pub fn key(&self) -> Option<Key> {
         match self {
             Self::View(view) => view.key(),
-            Self::Lines(_) => None,
+            Self::Lines(_) | Self::Program => None,
         }
     }
 
@@ -139,6 +166,7 @@ impl Display {
                     console::note(&progress_line(progress));
                 }
             }
+            Self::Program => {}
         }
     }
 
@@ -146,7 +174,7 @@ impl Display {
     pub fn note(&mut self, line: &str) {
         match self {
             Self::View(view) => view.suspend(|| console::note(line)),
-            Self::Lines(_) => console::note(line),
+            Self::Lines(_) | Self::Program => console::note(line),
         }
     }
 
@@ -204,7 +232,7 @@ impl LineThrottle {
 
 #[cfg(test)]
 mod tests {
-    use formation_model::{FormationStage, ModuleId};
+    use formation_model::FormationStage;
 
     use super::*;
 

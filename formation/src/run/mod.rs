@@ -1,8 +1,10 @@
 //! `formation run`: every module in a process of its own, and a verdict from an independent one.
 
+mod attended;
 mod claim;
 mod display;
 mod domain;
+mod lines;
 mod network;
 pub mod operator;
 mod outputs;
@@ -38,7 +40,11 @@ use crate::arguments::RunArguments;
 use crate::plan_output::PlanOutput;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
-use display::{Display, progress_line};
+use attended::Attendance;
+pub use attended::{OrderLine, RunOrder};
+use display::Display;
+pub use display::progress_line;
+pub use lines::{RunLine, RunVerdict};
 pub use network::environment_of_runs;
 pub use programs::Programs;
 use programs::RECORDER;
@@ -50,6 +56,7 @@ use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
 use stores::RunStores;
 use supervisor::{ProcessId, Supervisor};
+pub use tail::for_each_line;
 pub use watch::watch;
 
 /// How long a process may take to leave the ROS 2 graph after SIGTERM.
@@ -108,7 +115,20 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         hosts: &hosts,
         environment: place.environment,
     };
-    let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
+    let mut display = match arguments.attended {
+        true => {
+            lines::print(&RunLine::Place {
+                domain: start.environment.domain.number(),
+                session: stores.session.into(),
+            });
+            Display::Program
+        }
+        false => Display::start(scenario.name(), &plan),
+    };
+    let (judgement, observed) = form(&start, &mut display)?;
+    let Some(judgement) = judgement.transpose() else {
+        return Ok(());
+    };
     let result =
         judgement.map(|judgement| RunReport::new(&plan, judgement, &observed, arguments.timeout));
     let session = stores.session;
@@ -173,24 +193,37 @@ struct OfSession<'a> {
 }
 
 /// Starts all processes, waits for the verdict and stops them again. Returns what was observed also of a run without a
-/// verdict.
+/// verdict. There is none of a run that a program attended to its end.
 ///
 /// # Errors
 /// Says what could not be started.
 fn form(
     start: &Start<'_>,
     display: &mut Display,
-) -> Result<(Result<Judgement, Failure>, Observed), Failure> {
+) -> Result<(Result<Option<Judgement>, Failure>, Observed), Failure> {
     let mut supervisor = Supervisor::new(&[SIGINT, SIGTERM, SIGHUP])
         .context("cannot handle signals")
         .map_err(Failure::Failed)?;
+    let is_attended = start.arguments.attended;
+    if is_attended {
+        let reading = supervisor.read_orders();
+        reading
+            .context("cannot read orders")
+            .map_err(Failure::Failed)?;
+    }
     let began = Instant::now();
     let ended = start.all(&mut supervisor).map(|roles| {
         // The verifier's time begins with the target, which is announced last.
-        let patience = start.arguments.timeout + VERDICT_MARGIN;
+        let patience = match is_attended {
+            true => attended::WITHOUT_END,
+            false => start.arguments.timeout + VERDICT_MARGIN,
+        };
+        for modules in roles.agents.values() {
+            display.show_process(modules, true);
+        }
         RunLoop {
             supervisor: &mut supervisor,
-            roles: &roles,
+            roles,
             modules: start.problem.modules().len(),
             start: began,
             deadline: Instant::now() + patience,
@@ -199,6 +232,7 @@ fn form(
             observed: Observed::default(),
             orders: start.orders(),
             order_givers: BTreeSet::new(),
+            attendance: is_attended.then(|| Attendance::new(start)),
         }
         .run()
     });
@@ -216,7 +250,8 @@ fn form(
     let (end, observed) = ended?;
     let failed = |what: String| Err(Failure::Failed(anyhow!(what)));
     let judgement = match end {
-        RunEnd::Judged(judgement) => Ok(judgement),
+        RunEnd::Judged(judgement) => Ok(Some(judgement)),
+        RunEnd::Dismissed => Ok(None),
         RunEnd::ProcessEnded(process, status) => {
             let what = anyhow!(process_ended(&supervisor, process, status));
             Err(match roles::is_bad_input(status) {

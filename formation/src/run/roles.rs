@@ -114,6 +114,11 @@ impl Deaths {
         agents.count()
     }
 
+    /// Forgets the end of the process that hosted these modules, as another has taken its place.
+    pub fn forget(&mut self, modules: &[ModuleId]) {
+        self.0.retain(|death| death.modules != modules);
+    }
+
     /// The modules that they hosted.
     pub fn modules(&self) -> BTreeSet<ModuleId> {
         let modules = self.iter().flat_map(|death| &death.modules);

@@ -10,6 +10,7 @@ use formation_motion::WorldReport;
 use formation_verifier_lines::{AgreementReport, ReportLine, VerdictReport};
 use formation_verify::{Outcome, Progress};
 
+use super::attended::Attendance;
 use super::display::Display;
 use super::operator;
 use super::recording::Recording;
@@ -50,6 +51,8 @@ pub enum RunEnd {
     Interrupted(i32),
     /// The time was up.
     TimedOut,
+    /// The program that attended the run has ended its orders.
+    Dismissed,
 }
 
 /// What was observed of a run.
@@ -78,7 +81,7 @@ pub struct RunLoop<'a> {
     /// The processes.
     pub supervisor: &'a mut Supervisor,
     /// Their roles.
-    pub roles: &'a ProcessRoles,
+    pub roles: ProcessRoles,
     /// How many modules take part.
     pub modules: usize,
     /// When the first process was started.
@@ -95,6 +98,8 @@ pub struct RunLoop<'a> {
     pub orders: Orders<'a>,
     /// The processes that give them.
     pub order_givers: BTreeSet<ProcessId>,
+    /// What carries out the orders of a program, where one attends the run.
+    pub attendance: Option<Attendance<'a>>,
 }
 
 /// Makes a command from options of the target publisher.
@@ -134,6 +139,11 @@ impl RunLoop<'_> {
                     None
                 }
                 ProcessEvent::Exited(process, status) => self.take_exit(process, status),
+                ProcessEvent::Order(line) => {
+                    self.take_order(&line);
+                    None
+                }
+                ProcessEvent::OrdersEnded => Some(RunEnd::Dismissed),
                 ProcessEvent::Interrupted(signal) => Some(RunEnd::Interrupted(signal)),
                 ProcessEvent::TimedOut => {
                     self.display.refresh();
@@ -194,8 +204,13 @@ impl RunLoop<'_> {
                         self.relies_on_the_dead(&verdict) || self.leaves_out_the_living(&verdict)
                     }
                 };
-                if may_change {
+                let is_attended = self.attendance.is_some();
+                if may_change && !(is_attended && verdict.outcome == Outcome::Failed) {
                     *set_aside = Some(verdict);
+                    return None;
+                }
+                if is_attended {
+                    self.display.show_verdict((&verdict).into());
                     return None;
                 }
                 Some(RunEnd::Judged(Judgement::Verdict(verdict)))
@@ -263,7 +278,7 @@ impl RunLoop<'_> {
     }
 
     /// Starts the process that gives an order.
-    fn give(&mut self, name: &str, order: &[String]) {
+    pub(super) fn give(&mut self, name: &str, order: &[String]) {
         let mut command = (self.orders.command)(order);
         let started =
             self.supervisor
@@ -299,13 +314,16 @@ impl RunLoop<'_> {
             }
             return None;
         }
+        if self.take_ordered_exit(process) {
+            return None;
+        }
         let all_joined = self.observed.discovery.is_some();
         let target_is_known = self
             .observed
             .progress
             .as_ref()
             .is_some_and(Progress::knows_target);
-        let roles = self.roles;
+        let roles = &self.roles;
         if !roles.can_continue_without(process, status, all_joined, target_is_known) {
             return Some(RunEnd::ProcessEnded(process, status));
         }
@@ -317,10 +335,12 @@ impl RunLoop<'_> {
         };
         self.display
             .note(&format!("{death}; the run continues without it"));
+        self.display.show_process(&death.modules, false);
         self.report_removal(&death.modules);
         let deaths = &mut self.observed.deaths;
         deaths.push(death);
-        (deaths.of_agents() == roles.agents.len()).then_some(RunEnd::NoAgentLeft(process, status))
+        (deaths.of_agents() == self.roles.agents.len())
+            .then_some(RunEnd::NoAgentLeft(process, status))
     }
 
     fn linger(&mut self) {
@@ -330,7 +350,7 @@ impl RunLoop<'_> {
                 ProcessEvent::Exited(process, _) if process == self.roles.verifier => break,
                 ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) => break,
                 ProcessEvent::Line(process, line) => self.take_other_line(process, &line),
-                ProcessEvent::Exited(..) => {}
+                ProcessEvent::Exited(..) | ProcessEvent::Order(_) | ProcessEvent::OrdersEnded => {}
             }
         }
     }

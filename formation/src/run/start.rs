@@ -72,20 +72,9 @@ impl Start<'_> {
         }
         let world = self.world(supervisor)?;
         let agents = self.agents(supervisor)?;
-        let modules = self.problem.modules().iter();
-        let ids: Vec<String> = modules.map(|module| module.id.0.to_string()).collect();
-        let target_publisher = self.program(
-            supervisor,
-            "target_publisher",
-            "target_publisher".to_owned(),
-            &[
-                "--expected-modules",
-                &ids.len().to_string(),
-                "--founders",
-                &ids.join(","),
-            ],
-            ProcessOutput::Discarded,
-        )?;
+        let modules = self.problem.modules().len();
+        let target_publisher =
+            self.target_publisher(supervisor, &self.arguments.scenario, modules)?;
         Ok(ProcessRoles {
             verifier,
             target_publisher,
@@ -93,6 +82,34 @@ impl Start<'_> {
             recorder,
             agents,
         })
+    }
+
+    /// Starts what announces the target of a scenario file to this many of the modules that founded the formation.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn target_publisher(
+        &self,
+        supervisor: &mut Supervisor,
+        scenario: &Path,
+        modules: usize,
+    ) -> Result<ProcessId, Failure> {
+        let founders = self.problem.modules().iter();
+        let ids: Vec<String> = founders.map(|module| module.id.0.to_string()).collect();
+        let mut command = self.programs.command("target_publisher");
+        command.arg("--scenario").arg(scenario);
+        self.node(
+            supervisor,
+            command,
+            "target_publisher".to_owned(),
+            &[
+                "--expected-modules",
+                &modules.to_string(),
+                "--founders",
+                &ids.join(","),
+            ],
+            ProcessOutput::Discarded,
+        )
     }
 
     /// Makes the commands that give orders to the modules.
@@ -174,37 +191,45 @@ impl Start<'_> {
         &self,
         supervisor: &mut Supervisor,
     ) -> Result<BTreeMap<ProcessId, Vec<ModuleId>>, Failure> {
-        let motion = &self.arguments.motion;
-        let speed = motion.speed.to_string();
-        let state_dir = self.stores.directory.to_string_lossy();
-        let mut common = vec!["--state-dir", &state_dir];
-        common.extend(["--speed", &speed, "--motion", motion.mode()]);
-        let tolerances = motion.world.module_options();
-        common.extend(tolerances.iter().map(String::as_str));
-        common.extend(motion.module_option.iter().map(String::as_str));
-        if self.arguments.plan_only {
-            common.push("--plan-only");
-        }
         let mut agents = BTreeMap::new();
         for host in self.hosts {
             if !self.carrier.is_zenoh() && !supervisor.pause(start_pause(agents.len())) {
                 break;
             }
-            let list = ranges(host.modules.iter().copied());
-            let option = match host.modules.len() {
-                1 => "--module",
-                _ => "--modules",
-            };
-            let process = self.program(
-                supervisor,
-                host.program(),
-                host.name(),
-                &[&[option, &list], common.as_slice()].concat(),
-                ProcessOutput::Discarded,
-            )?;
+            let process = self.agent(supervisor, host)?;
             agents.insert(process, host.modules.clone());
         }
         Ok(agents)
+    }
+
+    /// Starts a process of modules.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn agent(&self, supervisor: &mut Supervisor, host: &Host) -> Result<ProcessId, Failure> {
+        let motion = &self.arguments.motion;
+        let list = ranges(host.modules.iter().copied());
+        let option = match host.modules.len() {
+            1 => "--module",
+            _ => "--modules",
+        };
+        let speed = motion.speed.to_string();
+        let state_dir = self.stores.directory.to_string_lossy();
+        let mut options = vec![option, &list, "--state-dir", &state_dir];
+        options.extend(["--speed", &speed, "--motion", motion.mode()]);
+        let tolerances = motion.world.module_options();
+        options.extend(tolerances.iter().map(String::as_str));
+        options.extend(motion.module_option.iter().map(String::as_str));
+        if self.arguments.plan_only {
+            options.push("--plan-only");
+        }
+        self.program(
+            supervisor,
+            host.program(),
+            host.name(),
+            &options,
+            ProcessOutput::Discarded,
+        )
     }
 
     /// Starts what drives the modules, with the environment variables that set the domain and the discovery range of any ROS 2 node.

@@ -19,6 +19,8 @@ use super::tail::{LINE_BYTES_MAX, Tail, for_each_line};
 
 /// How many inputs may wait for the owning thread. When there are more, the readers block, and so do the processes.
 const INPUTS_MAX: usize = 1_024;
+/// A longer order is cut, and then refused.
+const ORDER_BYTES_MAX: u64 = 64 * 1024;
 /// A line of results lists every module, so it may be long.
 const RESULT_BYTES_MAX: u64 = 16 * 1024 * 1024;
 /// How long the rest of the output is awaited after an exit; a grandchild may hold the pipe open without end.
@@ -57,6 +59,10 @@ pub enum ProcessEvent {
     Line(ProcessId, String),
     /// A process ended; all its output was read before.
     Exited(ProcessId, ExitStatus),
+    /// A line of the standard input.
+    Order(String),
+    /// The standard input has ended.
+    OrdersEnded,
     /// A signal asks the launcher to end.
     Interrupted(i32),
     /// Nothing happened until the deadline.
@@ -67,6 +73,8 @@ enum Input {
     Result(ProcessId, String),
     Error(ProcessId, String),
     Closed(ProcessId),
+    Order(String),
+    OrdersEnded,
     Signal(i32),
 }
 
@@ -183,6 +191,35 @@ impl Supervisor {
         Ok(())
     }
 
+    /// Begins to read orders from the standard input.
+    ///
+    /// # Errors
+    /// Returns what the system says if no thread can be started.
+    pub fn read_orders(&mut self) -> io::Result<()> {
+        let sender = self.sender.clone();
+        spawn_thread("orders".to_owned(), move || {
+            // An error of the input ends it.
+            let _ = for_each_line(io::stdin().lock(), ORDER_BYTES_MAX, |line| {
+                sender.send(Input::Order(line)).is_ok()
+            });
+            let _ = sender.send(Input::OrdersEnded);
+        })
+    }
+
+    /// Ends a process as a crash would; `false` if it has ended already.
+    pub fn kill(&mut self, process: ProcessId) -> bool {
+        let supervised = &mut self.processes[process.0];
+        supervised.exit.is_none() && supervised.child.kill().is_ok()
+    }
+
+    /// Asks a process to end; `false` if it has ended already.
+    pub fn terminate(&mut self, process: ProcessId) -> bool {
+        let supervised = &self.processes[process.0];
+        let pid = Pid::from_child(&supervised.child);
+        // It was not waited for, so the number is still its own.
+        supervised.exit.is_none() && kill_process(pid, Signal::TERM).is_ok()
+    }
+
     /// The name of a process in messages to people.
     pub fn name(&self, process: ProcessId) -> &str {
         &self.processes[process.0].name
@@ -266,6 +303,8 @@ impl Supervisor {
                 supervised.tail.push(line);
             }
             Input::Closed(process) => self.processes[process.0].open_streams -= 1,
+            Input::Order(line) => self.pending.push_back(ProcessEvent::Order(line)),
+            Input::OrdersEnded => self.pending.push_back(ProcessEvent::OrdersEnded),
             Input::Signal(SIGCHLD) => self.reap(),
             Input::Signal(signal) => {
                 // One that repeats the first must not cut the end of the processes short.

@@ -38,7 +38,7 @@ fn run_for(seconds: u64, scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
     let start = Instant::now();
     let (end, observed) = RunLoop {
         supervisor: &mut supervisor,
-        roles: &roles,
+        roles,
         modules: 2,
         start,
         deadline: start + Duration::from_secs(seconds),
@@ -50,6 +50,7 @@ fn run_for(seconds: u64, scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
             bodies_vanish: false,
         },
         order_givers: BTreeSet::new(),
+        attendance: None,
     }
     .run();
     (end, observed, supervisor)
