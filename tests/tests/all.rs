@@ -29,6 +29,7 @@ mod runs;
 mod security;
 mod services;
 mod several_machines;
+mod studio;
 mod terminal;
 mod tutorials;
 mod visualiser;

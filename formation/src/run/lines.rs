@@ -14,10 +14,6 @@ use crate::console;
 /// One line: an object with one key, which says what the line is about.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one line at a time exists, so its size does not matter"
-)]
 pub enum RunLine {
     /// Where the processes are.
     Place {

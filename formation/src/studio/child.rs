@@ -6,7 +6,7 @@ use std::os::unix::process::CommandExt;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -34,6 +34,8 @@ type Answers = Arc<Mutex<BTreeMap<u64, Sender<Result<(), String>>>>>;
 pub struct Run {
     child: Arc<Mutex<Child>>,
     orders: Option<ChildStdin>,
+    /// What takes in its lines.
+    thread: JoinHandle<()>,
     number: u64,
     answers: Answers,
     /// The scenario files; deleted with the run.
@@ -71,12 +73,12 @@ impl Run {
             lock(&its_answers).clear();
             its_studio.course().end(&end);
         };
-        thread::Builder::new()
-            .name("run".to_owned())
-            .spawn(follow)?;
+        let thread = thread::Builder::new().name("run".to_owned());
+        let thread = thread.spawn(follow)?;
         Ok(Self {
             child,
             orders,
+            thread,
             number: 0,
             answers,
             files,
@@ -103,6 +105,8 @@ impl Run {
     pub fn end(mut self) {
         drop(self.orders.take());
         end(&self.child);
+        // It has nothing to say when it panicked.
+        let _ = self.thread.join();
     }
 }
 
