@@ -1,69 +1,19 @@
 //! A run that another program attends: it takes orders, and goes on after a verdict.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::path::Path;
 
 use formation_model::ModuleId;
 use formation_model::text::listed_in_full;
 use ros_runtime::exit::Failure;
-use serde::{Deserialize, Serialize};
 
+use super::attendance::{OrderLine, RunOrder};
 use super::lines::{self, RunLine};
 use super::operator;
 use super::processes::Host;
 use super::recording::Recording;
 use super::run_loop::RunLoop;
-use super::start::Start;
 use super::supervisor::ProcessId;
 use crate::{check, scenario_file};
-
-/// A run that is attended is not ended for lack of a verdict.
-pub const WITHOUT_END: Duration = Duration::from_secs(100 * 365 * 86_400);
-
-/// A line of the standard input.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct OrderLine {
-    /// What the answer names.
-    pub number: u64,
-    /// What to do.
-    pub order: RunOrder,
-}
-
-/// What can be ordered.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RunOrder {
-    /// Ends the process of a module as a crash would.
-    Kill(ModuleId),
-    /// Starts the process of a module again, and ends it before if it runs.
-    Restart(ModuleId),
-    /// Halts all modules.
-    Stop,
-    /// Lets them go on.
-    Resume,
-    /// Announces the target of another scenario file, to be formed from where the modules stand.
-    Target(PathBuf),
-}
-
-/// What a run needs to carry out orders.
-pub struct Attendance<'a> {
-    start: &'a Start<'a>,
-    /// The processes whose end was ordered, and has no consequence.
-    dismissed: BTreeSet<ProcessId>,
-    /// The processes that start again when they have ended.
-    restarting: BTreeMap<ProcessId, Vec<ModuleId>>,
-}
-
-impl<'a> Attendance<'a> {
-    pub fn new(start: &'a Start<'a>) -> Self {
-        Self {
-            start,
-            dismissed: BTreeSet::new(),
-            restarting: BTreeMap::new(),
-        }
-    }
-}
 
 impl RunLoop<'_> {
     /// Carries out an order, and prints what came of it.

@@ -1,5 +1,6 @@
 //! `formation run`: every module in a process of its own, and a verdict from an independent one.
 
+mod attendance;
 mod attended;
 mod claim;
 mod display;
@@ -7,6 +8,7 @@ mod domain;
 mod lines;
 mod network;
 pub mod operator;
+mod operator_commands;
 mod outputs;
 mod page;
 mod processes;
@@ -40,8 +42,8 @@ use crate::arguments::RunArguments;
 use crate::plan_output::PlanOutput;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
-use attended::Attendance;
-pub use attended::{OrderLine, RunOrder};
+use attendance::Attendance;
+pub use attendance::{OrderLine, RunOrder};
 use display::Display;
 pub use display::progress_line;
 pub use lines::{RunLine, RunVerdict};
@@ -215,7 +217,7 @@ fn form(
     let ended = start.all(&mut supervisor).map(|roles| {
         // The verifier's time begins with the target, which is announced last.
         let patience = match is_attended {
-            true => attended::WITHOUT_END,
+            true => attendance::WITHOUT_END,
             false => start.arguments.timeout + VERDICT_MARGIN,
         };
         for modules in roles.agents.values() {

@@ -10,9 +10,10 @@ use formation_motion::WorldReport;
 use formation_verifier_lines::{AgreementReport, ReportLine, VerdictReport};
 use formation_verify::{Outcome, Progress};
 
-use super::attended::Attendance;
+use super::attendance::Attendance;
 use super::display::Display;
 use super::operator;
+use super::operator_commands::Orders;
 use super::recording::Recording;
 use super::roles::{Death, Deaths, ProcessRoles};
 use super::supervisor::{ProcessEvent, ProcessId, ProcessOutput, Supervisor};
@@ -100,17 +101,6 @@ pub struct RunLoop<'a> {
     pub order_givers: BTreeSet<ProcessId>,
     /// What carries out the orders of a program, where one attends the run.
     pub attendance: Option<Attendance<'a>>,
-}
-
-/// Makes a command from options of the target publisher.
-type OrderCommand<'a> = Box<dyn Fn(&[String]) -> Command + 'a>;
-
-/// Orders to the modules of a run.
-pub struct Orders<'a> {
-    /// Makes the command that gives an order, in the options of the target publisher.
-    pub command: OrderCommand<'a>,
-    /// Whether robots vanish with their processes, so that their bodies are reported as removed.
-    pub bodies_vanish: bool,
 }
 
 impl RunLoop<'_> {

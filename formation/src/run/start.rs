@@ -12,11 +12,11 @@ use formation_model::{ModuleId, ModuleSize, PlanningProblem};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
+use super::operator_commands::Orders;
 use super::processes::Host;
 use super::programs::{Programs, RECORDER};
 use super::roles::ProcessRoles;
 use super::router::Carrier;
-use super::run_loop::Orders;
 use super::stores::RunStores;
 use super::supervisor::{ProcessId, ProcessOutput, Supervisor};
 use crate::arguments::{ON, RunArguments};

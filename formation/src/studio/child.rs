@@ -31,7 +31,7 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(20);
 type Answers = Arc<Mutex<BTreeMap<u64, Sender<Result<(), String>>>>>;
 
 /// A run that is under way.
-pub struct Run {
+pub struct RunProcess {
     child: Arc<Mutex<Child>>,
     orders: Option<ChildStdin>,
     /// What takes in its lines.
@@ -59,7 +59,7 @@ impl Given {
     }
 }
 
-impl Run {
+impl RunProcess {
     /// Starts the process of a run.
     pub fn start(studio: &Arc<Studio>, mut command: Command, files: TempDir) -> io::Result<Self> {
         command.stdin(Stdio::piped());

@@ -17,7 +17,7 @@ use serde_json::json;
 
 use crate::arguments::StudioArguments;
 use crate::{console, scenario_file};
-use child::Run;
+use child::RunProcess;
 use course::Course;
 
 /// Serves the page until a signal asks for the end, and ends with it the processes of the run.
@@ -87,7 +87,7 @@ pub(super) struct Studio {
     domain: Option<String>,
     speed: Option<String>,
     course: Mutex<Course>,
-    run: Mutex<Option<Run>>,
+    run: Mutex<Option<RunProcess>>,
 }
 
 /// What a lock protects is whole between any two statements, also if a thread panicked.

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use tempfile::TempDir;
 
-use super::child::Run;
+use super::child::RunProcess;
 use super::{Studio, lock};
 use crate::arguments::MODULES_PER_PROCESS_MAX;
 use crate::run::RunOrder;
@@ -136,7 +136,7 @@ fn run(studio: &Studio, body: &str) -> Result<(), String> {
         .course()
         .begin(Some(yaml), "the processes are starting");
     let itself = studio.itself.upgrade().ok_or("the server ends")?;
-    match Run::start(&itself, command, files) {
+    match RunProcess::start(&itself, command, files) {
         Ok(run) => {
             // What is left of the run before has ended.
             *present = Some(run);
