@@ -1,7 +1,7 @@
 //! One run, from the first process to the verdict.
 
 use std::collections::BTreeSet;
-use std::process::{Command, ExitStatus};
+use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
 use formation_model::ModuleId;

@@ -1,4 +1,5 @@
 use std::path::Path;
+use std::process::Command;
 
 use formation_event_log::{Entry, LogEvent};
 use formation_model::{Assignment, Epoch, FormationStage, SpotId};
