@@ -10,11 +10,11 @@ mod manual;
     feature = "experiments",
     feature = "maps",
     feature = "recordings",
-    feature = "simulator"
+    feature = "simulator",
+    feature = "studio"
 )))]
 mod not_built;
 mod plan;
-#[cfg(feature = "studio")]
 mod studio;
 
 use std::ops::RangeInclusive;
@@ -38,7 +38,6 @@ pub use compare::CompareArguments;
 pub use generate::GenerateArguments;
 pub use manual::ManualArguments;
 pub use plan::PlanArguments;
-#[cfg(feature = "studio")]
 pub use studio::StudioArguments;
 
 /// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
@@ -96,8 +95,9 @@ pub enum FormationCommand {
     Run(Box<RunArguments>),
     /// Show a formation that runs elsewhere, until its verdict; changes nothing.
     Watch(WatchArguments),
-    /// Draw, plan and run formations, and watch them, in a browser on this machine.
-    #[cfg(feature = "studio")]
+    /// Draw scenarios, run them and watch them in a browser on this machine: serves a page, and prints its address.
+    ///
+    /// The page runs at most one scenario at a time, whose processes end with this program. Whoever knows the address can use it.
     Studio(StudioArguments),
     /// Halt all modules of a running formation until `formation resume`; restarts do not end the stop.
     Stop(FormationSelector),
@@ -176,7 +176,8 @@ pub enum FormationCommand {
     feature = "experiments",
     feature = "maps",
     feature = "recordings",
-    feature = "simulator"
+    feature = "simulator",
+    feature = "studio"
 )))]
 use not_built::AnyArguments;
 
@@ -275,7 +276,7 @@ pub struct WatchArguments {
     /// The session of the formation, where there are several.
     #[arg(long, value_name = "NUMBER")]
     pub session: Option<u32>,
-    /// Print what happens as lines of JSON, and go on after the verdict.
+    /// Print what happens for programs, one JSON object a line, also after a verdict, until no message comes.
     #[arg(long)]
     pub events: bool,
 }
@@ -334,27 +335,14 @@ pub struct RunArguments {
     /// Print one JSON object instead of a table; progress stays on standard error.
     #[arg(long)]
     pub json: bool,
-    /// Take orders as lines of JSON on standard input, print what happens as lines of JSON, and go on after the verdict until
-    /// the input ends; `formation studio` runs formations this way.
+    /// Take orders from the standard input, and print what happens, one JSON object a line each; the run goes on after a verdict,
+    /// until the input ends.
     #[arg(long, conflicts_with_all = ["json", "plan_only", "report"])]
-    pub control: bool,
+    pub attended: bool,
     /// Set by the launcher when it restarts itself in a network namespace of its own.
     #[arg(long, hide = true)]
     pub private_network: bool,
 }
-
-impl RunArguments {
-    /// How long a verdict is awaited.
-    pub fn patience(&self) -> Duration {
-        match self.control {
-            true => CONTROLLED_MAX,
-            false => self.timeout,
-        }
-    }
-}
-
-/// How long a run goes on that takes orders: a day.
-const CONTROLLED_MAX: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// How modules move.
 #[derive(Debug, Args)]

@@ -56,7 +56,7 @@ fn main() -> ExitCode {
         FormationCommand::Run(arguments) => run::run(&arguments),
         FormationCommand::Watch(arguments) => run::watch(&arguments),
         #[cfg(feature = "studio")]
-        FormationCommand::Studio(arguments) => studio::run(&arguments),
+        FormationCommand::Studio(arguments) => studio::serve(&arguments),
         FormationCommand::Stop(network) => operator::give(&network, &[operator::STOP.to_owned()]),
         FormationCommand::Resume(network) => {
             operator::give(&network, &[operator::RESUME.to_owned()])
@@ -114,7 +114,8 @@ fn main() -> ExitCode {
     feature = "experiments",
     feature = "maps",
     feature = "recordings",
-    feature = "simulator"
+    feature = "simulator",
+    feature = "studio"
 )))]
 fn not_built(command: &str, feature: &str) -> ros_runtime::exit::Failure {
     ros_runtime::exit::Failure::bad_input(format_args!(

@@ -19,12 +19,32 @@ const MESSAGE_BYTES_MAX: usize = 400;
 /// # Errors
 /// Names the file, and the line and column or the field that is wrong.
 pub fn load(path: &Path) -> Result<Scenario, Failure> {
+    let text = text(path)?;
+    Scenario::from_yaml(&text)
+        .map_err(|error| bounded(&error))
+        .with_context(|| named(path))
+        .map_err(Failure::BadInput)
+}
+
+/// Validates the text of a scenario.
+///
+/// # Errors
+/// Names the line and column or the field that is wrong.
+pub fn read(text: &str) -> Result<Scenario, Failure> {
+    let read = Scenario::from_yaml(text);
+    read.map_err(|error| Failure::BadInput(bounded(&error)))
+}
+
+/// Reads the text of a scenario file, valid or not; `-` stands for the standard input.
+///
+/// # Errors
+/// Names the file, which cannot be read or is too long.
+pub fn text(path: &Path) -> Result<String, Failure> {
     let text = match is_standard_input(path) {
         true => text_of(stdin().lock(), SCENARIO_FILE_BYTES_MAX),
         false => read_bounded(path, SCENARIO_FILE_BYTES_MAX),
     };
     text.map_err(anyhow::Error::from)
-        .and_then(|text| Scenario::from_yaml(&text).map_err(|error| bounded(&error)))
         .with_context(|| named(path))
         .map_err(Failure::BadInput)
 }

@@ -5,17 +5,15 @@ import { order } from "./engine.js";
 
 const LOG_MAX = 200;
 const part = (id) => document.getElementById(id);
-const units = (micro) => micro / 1e6;
-const poseOf = ({ x, y, theta }) => ({ x: units(x), y: units(y), theta: units(theta) });
 
 export class Live {
   /** `current` gives the text of what is drawn, `show` is called when there is something new to show. */
   constructor(drawing, stage, show, tell) {
-    Object.assign(this, { drawing, stage, show, tell, chosen: null, running: false, readOnly: false });
+    Object.assign(this, { drawing, stage, show, tell, chosen: null, running: false, readOnly: true });
     this.reset();
     const orders = {
       run: () => this.start(),
-      "next-target": () => this.send("run/target", { text: this.text() }),
+      "next-target": () => this.send("run/target", { yaml: this.text() }),
       stop: () => this.send("run/stop"),
       resume: () => this.send("run/resume"),
       end: () => this.send("run/end"),
@@ -34,7 +32,12 @@ export class Live {
     this.dead = new Set();
     this.progress = null;
     this.verdict = null;
-    this.colours = new Map();
+    this.stageText = "";
+    this.group();
+  }
+
+  /** The groups of what is drawn, which have a colour each. */
+  group() {
     this.groups = new Map();
     this.drawing.groups().filter((members) => members.length > 1).forEach((members, index) => {
       for (const { id } of members) this.groups.set(id, index);
@@ -51,9 +54,8 @@ export class Live {
       state = null;
     }
     if (!state) return null;
-    this.readOnly = state.read_only;
-    this.running = state.running;
     part("live").hidden = false;
+    // A connection that is lost is made again, and begins with the state.
     const events = new EventSource("api/events");
     events.addEventListener("message", ({ data }) => this.take(JSON.parse(data)));
     this.refresh();
@@ -73,49 +75,45 @@ export class Live {
     this.reset();
     this.show();
     part("run").disabled = true;
-    await this.send("run", { text: this.text() });
+    await this.send("run", { yaml: this.text() });
     this.refresh();
   }
 
   take(event) {
-    const [kind] = Object.keys(event);
-    const content = event[kind];
     const takes = {
-      studio: () => this.boundary(content),
-      entry: () => this.entry(content),
-      progress: () => { this.progress = content; },
-      verdict: () => this.judge(content),
-      ended: () => { for (const id of content.modules) this.dead.add(id); this.log(content.text); },
-      restarted: () => { for (const id of content.modules) this.dead.delete(id); },
-      done: () => this.log(content.text),
-      refused: () => { this.note(content.text); this.log(content.text); },
-      note: () => this.log(content),
+      state: () => this.takeState(event),
+      stage: () => {
+        this.running = event.stage !== "stopped";
+        this.stageText = event.stage;
+      },
+      modules: () => this.takeModules(event.modules, event.progress),
+      verdict: () => this.judge(event),
+      log: () => this.log(event.text),
     };
-    takes[kind]?.();
+    takes[event.kind]?.();
     this.refresh();
   }
 
-  boundary({ began, ended }) {
-    if (began) this.reset();
-    this.running = Boolean(began);
-    if (ended) this.log("the run has ended");
+  takeState(state) {
+    if (state.yaml && !this.running) this.group();
+    this.readOnly = state.read_only;
+    this.running = state.running;
+    this.stageText = state.running ? state.stage : "";
+    part("log").replaceChildren();
+    for (const text of state.log) this.log(text);
+    this.judge(state.verdict ?? {});
+    this.takeModules(state.modules, state.progress);
   }
 
-  entry(entry) {
-    if (entry.state) {
-      const { module, phase, pose, links, spot } = entry.state;
-      this.modules.set(module, { id: module, phase, links, spot, ...poseOf(pose) });
-    } else if (entry.pose) {
-      Object.assign(this.modules.get(entry.pose.module) ?? {}, poseOf(entry.pose.pose));
-    } else if (entry.roster || entry.gathering) {
-      this.verdict = null;
-    }
+  takeModules(modules, progress) {
+    this.modules = new Map(modules.map((module) => [module.id, module]));
+    this.dead = new Set(modules.filter((module) => module.process === "dead").map(({ id }) => id));
+    this.progress = progress;
   }
 
   judge(verdict) {
-    this.verdict = verdict;
-    const filled = verdict.filled_spots;
-    this.log(`${verdict.outcome}: ${filled} of ${verdict.spots ?? filled + verdict.open_spots.length} spots are filled`);
+    this.verdict = verdict.outcome ? verdict : null;
+    if (this.verdict) this.log(verdict.text);
   }
 
   log(text) {
@@ -151,12 +149,10 @@ export class Live {
     const stage = part("stage");
     stage.className = "outcome";
     if (verdict) {
-      stage.textContent = `${verdict.outcome}: ${verdict.filled_spots} spots filled${verdict.violations.length ? `; ${verdict.violations[0]}` : ""}`;
+      stage.textContent = [verdict.text, ...verdict.violations.slice(0, 1)].join("; ");
       stage.classList.add(verdict.outcome === "COMPLETE" ? "good" : "bad");
-    } else if (progress) {
-      stage.textContent = stopped ? `${progress.phase}, stopped` : progress.phase;
     } else {
-      stage.textContent = running ? "starting the processes" : "";
+      stage.textContent = stopped ? `${this.stageText}, stopped` : this.stageText;
     }
     const counts = part("counts");
     counts.replaceChildren();
@@ -185,7 +181,8 @@ export class Live {
     if (!module) return;
     const isDead = this.dead.has(module.id);
     const spot = module.spot == null ? "without a spot" : `spot ${module.spot}`;
-    part("chosen-text").textContent = `Module ${module.id}: ${isDead ? "its process ended" : module.phase.toLowerCase()}, ${spot}, docked to ${module.links.length ? module.links.join(", ") : "nothing"}`;
+    const waits = module.waits_for.length ? `waits for ${module.waits_for.join(", ")} ` : "";
+    part("chosen-text").textContent = `Module ${module.id}: ${isDead ? "its process ended" : module.phase.toLowerCase()}, ${spot}, docked to ${module.links.length ? module.links.join(", ") : "nothing"}; ${waits}${module.why}`;
     part("kill").hidden = part("restart").hidden = this.readOnly;
     part("kill").disabled = isDead || !this.running;
     part("restart").disabled = !isDead || !this.running;
@@ -205,7 +202,8 @@ export class Live {
     modules.sort((one, other) => Number(other.gone) - Number(one.gone));
     const links = modules.flatMap(({ id, links: docked }) => docked.filter((other) => id < other && !this.dead.has(id) && !this.dead.has(other)).map((other) => [id, other]));
     const chosen = this.modules.get(this.chosen);
-    return { modules, links, marks: chosen ? [{ ...chosen, kind: "ink" }] : [] };
+    const awaited = (chosen?.waits_for ?? []).map((id) => this.modules.get(id)).filter(Boolean);
+    return { modules, links, waits: awaited.map((other) => [chosen, other]), marks: chosen ? [{ ...chosen, kind: "ink" }] : [] };
   }
 
   /** The modules where they stand now, as lists of a scenario, docked as they are. */

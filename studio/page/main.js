@@ -280,7 +280,7 @@ const choosable = policies.filter((policy) => policy.name !== "given");
 part("policy").append(new Option("as in the file", ""), ...choosable.map((policy) => new Option(policy.name, policy.name)));
 part("beside").append(...choosable.map((policy) => new Option(policy.name, policy.name)));
 const state = await live.connect();
-if (state?.scenario) await read(state.scenario);
+if (state?.yaml) await read(state.yaml);
 else fit();
 drawing.past = [];
 drawing.changed();

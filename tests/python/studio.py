@@ -22,6 +22,11 @@ def start_of(studio):
     return studio.browser.run("return window.formationStudio.live.standing().modules.map(({ id, x, y }) => [id, x, y])")
 
 
+def is_running(studio):
+    """Whether the studio has a run."""
+    return json.loads(studio.browser.run('return fetch("api/state").then((answer) => answer.text())'))["running"]
+
+
 def lesson(program, domain, _):
     """Draw, plan, run, kill, draw the next target, run again."""
     with Studio(program, "--domain", domain) as studio:
@@ -36,7 +41,7 @@ def lesson(program, domain, _):
         studio.wait("a chosen module", 'return !document.getElementById("chosen").hidden')
         studio.browser.click("#kill")
         studio.wait("its end", 'return document.getElementById("chosen-text").textContent.includes("ended")')
-        studio.await_stage("acting")
+        studio.await_stage("moving")
         studio.await_stage("COMPLETE")
         say(replanned=len(start_of(studio)))
         studio.browser.click("#clear")
@@ -45,7 +50,7 @@ def lesson(program, domain, _):
             studio.draw("spot", *stroke)
         studio.await_plan("7 of 7 spots")
         studio.browser.click("#next-target")
-        studio.await_stage("acting")
+        studio.await_stage("moving")
         studio.await_stage("COMPLETE")
         say(next=sorted([x, y] for _, x, y in start_of(studio)))
         studio.browser.click("#stop")
@@ -101,7 +106,7 @@ def pasted(program, domain, _):
     """Names with markup stay text, a million modules are refused, and nothing starts."""
     with Studio(program, "--domain", domain) as studio:
         markup = "<img src=x onerror=\"document.body.dataset.broken='yes'\">"
-        text = f"name: '{markup.replace(chr(39), chr(39) * 2)}'\ntarget: {{spots: [{{id: 1, x: 0, y: 0}}]}}\nsingletons: [{{id: 1, x: 3, y: 3}}]\n"
+        text = f"name: {json.dumps(markup)}\ntarget: {{spots: [{{id: 1, x: 0, y: 0}}]}}\nsingletons: [{{id: 1, x: 3, y: 3}}]\n"
         paste = """
             document.getElementById("paste").click();
             document.getElementById("paste-text").value = arguments[0];
@@ -114,17 +119,17 @@ def pasted(program, domain, _):
         refused = studio.browser.run("""
             const many = Array.from({ length: 1000000 }, (_, id) => `{id: ${id}, x: ${id}, y: 0}`);
             return fetch("api/run", { method: "POST", headers: { "Content-Type": "application/json" },
-                body: JSON.stringify({ text: `target: {spots: [{id: 1, x: 0, y: 0}]}\\nsingletons: [${many}]` }) })
+                body: JSON.stringify({ yaml: `target: {spots: [{id: 1, x: 0, y: 0}]}\\nsingletons: [${many}]` }) })
                 .then((response) => response.text());
         """)
-        say(million=refused, running=json.loads(studio.browser.run('return fetch("api/state").then((it) => it.text())'))["running"])
+        say(million=refused, running=is_running(studio))
 
 
 def strangers(program, domain, scenarios):
     """Another host, another origin and another token are refused, and so are forms."""
     with Studio(program, "--domain", domain) as studio:
         place = urlsplit(studio.address)
-        body = json.dumps({"text": Path(scenarios, "singletons_10.yaml").read_text()})
+        body = json.dumps({"yaml": Path(scenarios, "singletons_10.yaml").read_text()})
         kind = {"Content-Type": "application/json"}
 
         def status(path, method="POST", **headers):
@@ -143,17 +148,17 @@ def strangers(program, domain, scenarios):
             form=status(run, Content_Type="text/plain"), method=status(run, method="PUT"),
             events=status(f"{place.path}api/events", method="GET", Origin="http://evil.example"),
             file=status(f"{place.path}../../../etc/passwd", method="GET"),
-            running=json.loads(studio.browser.run('return fetch("api/state").then((it) => it.text())'))["running"])
+            running=is_running(studio))
 
 
 def attached(program, domain, scenarios):
     """A run that was started by hand, seen and not touched."""
-    run = subprocess.Popen([program, "run", f"{scenarios}/singletons_10.yaml", "--domain", domain, "--control"],
+    run = subprocess.Popen([program, "run", f"{scenarios}/singletons_10.yaml", "--domain", domain, "--attended"],
                            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         # It is there once modules have joined.
         for line in run.stdout:
-            if json.loads(line).get("progress", {}).get("joined"):
+            if "progress" in line and json.loads(line).get("progress", {}).get("joined"):
                 break
         with Studio(program, "--attach", "--domain", domain) as studio:
             studio.await_stage("COMPLETE")

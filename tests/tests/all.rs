@@ -30,6 +30,7 @@ mod security;
 mod services;
 mod several_machines;
 mod studio;
+mod studio_page;
 mod terminal;
 mod tutorials;
 mod visualiser;

@@ -1,37 +1,33 @@
-//! The arguments of `formation studio`.
+//! Arguments of `formation studio`.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use ros_runtime::environment::Domain;
 
-/// What the page of the studio begins with, and what it may do.
+/// What the studio begins with, and where.
 #[derive(Debug, Args)]
 pub struct StudioArguments {
-    /// A scenario file (YAML) to begin with.
+    /// A scenario file (YAML) with which the page begins.
     #[arg(conflicts_with = "attach")]
     pub scenario: Option<PathBuf>,
-    /// The port of the page on loopback [default: any free one].
-    #[arg(
-        long,
-        value_name = "PORT",
-        default_value_t = 0,
-        hide_default_value = true
-    )]
+    /// The port on 127.0.0.1; 0 takes a free one.
+    #[arg(long, value_name = "PORT", default_value_t = 0)]
     pub port: u16,
-    /// Only watch a formation that runs elsewhere, and change nothing.
+    /// Open the page in the browser of the desktop, by `xdg-open`.
+    #[arg(long)]
+    pub open: bool,
+    /// Watch a formation that runs elsewhere, and change nothing.
     #[arg(long)]
     pub attach: bool,
-    /// ROS domain of runs, or of the formation that is watched, 0 to 232 [default: ROS_DOMAIN_ID, else the first free one for runs, 0
-    /// to watch]
+    /// ROS domain of the run or of the formation that is watched, 0 to 232
+    /// [default: ROS_DOMAIN_ID, else as `formation run` and `formation watch` choose it]
     #[arg(long, value_name = "D")]
     pub domain: Option<Domain>,
-    /// Pass this option to `formation run`, such as --run-option=--speed=2; may be repeated.
-    #[arg(
-        long,
-        value_name = "OPTION",
-        allow_hyphen_values = true,
-        conflicts_with = "attach"
-    )]
-    pub run_option: Vec<String>,
+    /// The session of the formation that is watched, where there are several.
+    #[arg(long, value_name = "NUMBER", requires = "attach")]
+    pub session: Option<u32>,
+    /// The speed of simulated modules in runs, in units a second [default: that of `formation run`]
+    #[arg(long, value_name = "UNITS", value_parser = super::speed, conflicts_with = "attach")]
+    pub speed: Option<f64>,
 }

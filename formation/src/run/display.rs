@@ -4,15 +4,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use formation_event_log::Entry;
-use formation_model::PlanningProblem;
 use formation_model::text::listed;
-use formation_msgs::Verdict;
+use formation_model::{ModuleId, PlanningProblem};
 use formation_offline::CheckedPlan;
-use formation_verifier_lines::ReportLine;
 use formation_verify::Progress;
-use serde::Serialize;
-use serde_json::json;
 
+use super::lines::{self, RunLine, RunVerdict};
 use super::view::{Key, View};
 use crate::console;
 
@@ -49,8 +46,8 @@ pub enum Display {
     View(Box<View>),
     /// Elsewhere.
     Lines(LineThrottle),
-    /// For programs, as lines of JSON on the standard output, like those of a verifier.
-    Events,
+    /// For a program, which reads the standard output.
+    Program,
 }
 
 impl Display {
@@ -101,6 +98,26 @@ impl Display {
         matches!(self, Self::View(_))
     }
 
+    /// Whether a program reads what is shown.
+    pub fn is_program(&self) -> bool {
+        matches!(self, Self::Program)
+    }
+
+    /// Shows a verdict that another may replace.
+    pub fn show_verdict(&mut self, verdict: RunVerdict) {
+        if self.is_program() {
+            lines::print(&RunLine::Verdict(verdict));
+        }
+    }
+
+    /// Shows that a process of modules was started or has ended.
+    pub fn show_process(&mut self, modules: &[ModuleId], running: bool) {
+        if self.is_program() && !modules.is_empty() {
+            let modules = modules.iter().copied().collect();
+            lines::print(&RunLine::Process { modules, running });
+        }
+    }
+
     /// Shows new progress.
     pub fn show_progress(&mut self, progress: &Progress) {
         match self {
@@ -110,7 +127,7 @@ impl Display {
                     console::note(&progress_line(progress));
                 }
             }
-            Self::Events => tell(&ReportLine::Progress(progress.clone())),
+            Self::Program => lines::print(&RunLine::Progress(progress.clone())),
         }
     }
 
@@ -119,25 +136,8 @@ impl Display {
         match self {
             Self::View(view) => view.show_entry(entry),
             Self::Lines(_) => {}
-            Self::Events => tell(&ReportLine::Entry(entry.clone())),
+            Self::Program => lines::print(&RunLine::Entry(entry.clone())),
         }
-    }
-
-    /// Shows a verdict that another process gave, where a watch does not end with it.
-    pub fn show_verdict(&self, verdict: &Verdict) {
-        if self.is_endless() {
-            tell(&json!({ "verdict": {
-                "outcome": outcome_name(verdict),
-                "filled_spots": verdict.filled_spots,
-                "spots": verdict.spots,
-                "violations": verdict.violations,
-            }}));
-        }
-    }
-
-    /// Whether what is shown goes on after a verdict.
-    pub fn is_endless(&self) -> bool {
-        matches!(self, Self::Events)
     }
 
     /// When to draw although nothing happens.
@@ -145,7 +145,7 @@ impl Display {
         match self {
             Self::View(view) => Some(view.due()),
             Self::Lines(throttle) => throttle.due(),
-            Self::Events => None,
+            Self::Program => None,
         }
     }
 
@@ -153,7 +153,7 @@ impl Display {
     pub fn key(&self) -> Option<Key> {
         match self {
             Self::View(view) => view.key(),
-            Self::Lines(_) | Self::Events => None,
+            Self::Lines(_) | Self::Program => None,
         }
     }
 
@@ -166,7 +166,7 @@ impl Display {
                     console::note(&progress_line(progress));
                 }
             }
-            Self::Events => {}
+            Self::Program => {}
         }
     }
 
@@ -174,7 +174,7 @@ impl Display {
     pub fn note(&mut self, line: &str) {
         match self {
             Self::View(view) => view.suspend(|| console::note(line)),
-            Self::Lines(_) | Self::Events => console::note(line),
+            Self::Lines(_) | Self::Program => console::note(line),
         }
     }
 
@@ -183,19 +183,6 @@ impl Display {
         if let Self::View(view) = self {
             view.finish();
         }
-    }
-}
-
-/// Writes a line of JSON. The reader who is gone has ended this process, or will.
-fn tell(line: &impl Serialize) {
-    let _ = console::result_json(line);
-}
-
-fn outcome_name(verdict: &Verdict) -> &'static str {
-    match verdict.outcome {
-        Verdict::OUTCOME_COMPLETE => "COMPLETE",
-        Verdict::OUTCOME_PARTIAL => "PARTIAL",
-        _ => "FAILED",
     }
 }
 
@@ -245,7 +232,7 @@ impl LineThrottle {
 
 #[cfg(test)]
 mod tests {
-    use formation_model::{FormationStage, ModuleId};
+    use formation_model::FormationStage;
 
     use super::*;
 

@@ -1,11 +1,14 @@
 //! `formation run`: every module in a process of its own, and a verdict from an independent one.
 
+mod attendance;
+mod attended;
 mod claim;
-mod control;
 mod display;
 mod domain;
+mod lines;
 mod network;
 pub mod operator;
+mod operator_commands;
 mod outputs;
 mod page;
 mod processes;
@@ -39,7 +42,11 @@ use crate::arguments::RunArguments;
 use crate::plan_output::PlanOutput;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
-use display::{Display, progress_line};
+use attendance::Attendance;
+pub use attendance::{OrderLine, RunOrder};
+use display::Display;
+pub use display::progress_line;
+pub use lines::{RunLine, RunVerdict};
 pub use network::environment_of_runs;
 pub use programs::Programs;
 use programs::RECORDER;
@@ -51,6 +58,7 @@ use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
 use stores::RunStores;
 use supervisor::{ProcessId, Supervisor};
+pub use tail::for_each_line;
 pub use watch::watch;
 
 /// How long a process may take to leave the ROS 2 graph after SIGTERM.
@@ -109,7 +117,17 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         hosts: &hosts,
         environment: place.environment,
     };
-    let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
+    let mut display = match arguments.attended {
+        true => {
+            lines::print(&RunLine::Place {
+                domain: start.environment.domain.number(),
+                session: stores.session.into(),
+            });
+            Display::Program
+        }
+        false => Display::start(scenario.name(), &plan),
+    };
+    let (judgement, observed) = form(&start, &mut display)?;
     let Some(judgement) = judgement.transpose() else {
         return Ok(());
     };
@@ -177,7 +195,7 @@ struct OfSession<'a> {
 }
 
 /// Starts all processes, waits for the verdict and stops them again. Returns what was observed also of a run without a
-/// verdict; who controls a run gets no judgement.
+/// verdict. There is none of a run that a program attended to its end.
 ///
 /// # Errors
 /// Says what could not be started.
@@ -188,20 +206,26 @@ fn form(
     let mut supervisor = Supervisor::new(&[SIGINT, SIGTERM, SIGHUP])
         .context("cannot handle signals")
         .map_err(Failure::Failed)?;
-    let began = Instant::now();
-    let is_controlled = start.arguments.control;
-    if is_controlled {
-        let taken = supervisor.take_orders();
-        taken
+    let is_attended = start.arguments.attended;
+    if is_attended {
+        let reading = supervisor.read_orders();
+        reading
             .context("cannot read orders")
             .map_err(Failure::Failed)?;
     }
-    let ended = start.all(&mut supervisor).map(|mut roles| {
+    let began = Instant::now();
+    let ended = start.all(&mut supervisor).map(|roles| {
         // The verifier's time begins with the target, which is announced last.
-        let patience = start.arguments.patience() + VERDICT_MARGIN;
+        let patience = match is_attended {
+            true => attendance::WITHOUT_END,
+            false => start.arguments.timeout + VERDICT_MARGIN,
+        };
+        for modules in roles.agents.values() {
+            display.show_process(modules, true);
+        }
         RunLoop {
             supervisor: &mut supervisor,
-            roles: &mut roles,
+            roles,
             modules: start.problem.modules().len(),
             start: began,
             deadline: Instant::now() + patience,
@@ -210,7 +234,7 @@ fn form(
             observed: Observed::default(),
             orders: start.orders(),
             order_givers: BTreeSet::new(),
-            is_controlled,
+            attendance: is_attended.then(|| Attendance::new(start)),
         }
         .run()
     });
@@ -229,7 +253,7 @@ fn form(
     let failed = |what: String| Err(Failure::Failed(anyhow!(what)));
     let judgement = match end {
         RunEnd::Judged(judgement) => Ok(Some(judgement)),
-        RunEnd::Asked => Ok(None),
+        RunEnd::Dismissed => Ok(None),
         RunEnd::ProcessEnded(process, status) => {
             let what = anyhow!(process_ended(&supervisor, process, status));
             Err(match roles::is_bad_input(status) {

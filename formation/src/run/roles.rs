@@ -103,11 +103,6 @@ impl Deaths {
         self.0.push(death);
     }
 
-    /// Takes back the end of the process of these modules, which runs again.
-    pub fn forget(&mut self, modules: &[ModuleId]) {
-        self.0.retain(|death| death.modules != modules);
-    }
-
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &Death> {
         self.0.iter()
@@ -117,6 +112,11 @@ impl Deaths {
     pub fn of_agents(&self) -> usize {
         let agents = self.iter().filter(|death| !death.modules.is_empty());
         agents.count()
+    }
+
+    /// Forgets the end of the process that hosted these modules, as another has taken its place.
+    pub fn forget(&mut self, modules: &[ModuleId]) {
+        self.0.retain(|death| death.modules != modules);
     }
 
     /// The modules that they hosted.

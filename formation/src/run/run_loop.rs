@@ -1,8 +1,7 @@
 //! One run, from the first process to the verdict.
 
 use std::collections::BTreeSet;
-use std::path::Path;
-use std::process::{Command, ExitStatus};
+use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
 use formation_model::ModuleId;
@@ -10,11 +9,11 @@ use formation_model::text::listed_in_full;
 use formation_motion::WorldReport;
 use formation_verifier_lines::{AgreementReport, ReportLine, VerdictReport};
 use formation_verify::{Outcome, Progress};
-use ros_runtime::exit::Failure;
 
-use super::control::Told;
+use super::attendance::Attendance;
 use super::display::Display;
 use super::operator;
+use super::operator_commands::Orders;
 use super::recording::Recording;
 use super::roles::{Death, Deaths, ProcessRoles};
 use super::supervisor::{ProcessEvent, ProcessId, ProcessOutput, Supervisor};
@@ -53,8 +52,8 @@ pub enum RunEnd {
     Interrupted(i32),
     /// The time was up.
     TimedOut,
-    /// The one who gave the orders ended it.
-    Asked,
+    /// The program that attended the run has ended its orders.
+    Dismissed,
 }
 
 /// What was observed of a run.
@@ -83,7 +82,7 @@ pub struct RunLoop<'a> {
     /// The processes.
     pub supervisor: &'a mut Supervisor,
     /// Their roles.
-    pub roles: &'a mut ProcessRoles,
+    pub roles: ProcessRoles,
     /// How many modules take part.
     pub modules: usize,
     /// When the first process was started.
@@ -98,31 +97,10 @@ pub struct RunLoop<'a> {
     pub observed: Observed,
     /// Makes the commands that give orders to the modules.
     pub orders: Orders<'a>,
-    /// The processes that give them, and target publishers that were replaced.
+    /// The processes that give them.
     pub order_givers: BTreeSet<ProcessId>,
-    /// Whether another program gives orders and decides when the run ends.
-    pub is_controlled: bool,
-}
-
-/// Makes a command from options of the target publisher.
-type OrderCommand<'a> = Box<dyn Fn(&[String]) -> Command + 'a>;
-
-/// Starts the process that hosts these modules.
-type StartAgent<'a> = Box<dyn Fn(&mut Supervisor, &[ModuleId]) -> Result<ProcessId, Failure> + 'a>;
-
-/// Starts a target publisher.
-type StartTarget<'a> = Box<dyn Fn(&mut Supervisor, &Path) -> Result<ProcessId, Failure> + 'a>;
-
-/// Orders to the modules of a run.
-pub struct Orders<'a> {
-    /// Makes the command that gives an order, in the options of the target publisher.
-    pub command: OrderCommand<'a>,
-    /// Whether robots vanish with their processes, so that their bodies are reported as removed.
-    pub bodies_vanish: bool,
-    /// Starts the process of these modules.
-    pub agent: StartAgent<'a>,
-    /// Starts the publisher of the target of another scenario file.
-    pub target: StartTarget<'a>,
+    /// What carries out the orders of a program, where one attends the run.
+    pub attendance: Option<Attendance<'a>>,
 }
 
 impl RunLoop<'_> {
@@ -151,9 +129,12 @@ impl RunLoop<'_> {
                     None
                 }
                 ProcessEvent::Exited(process, status) => self.take_exit(process, status),
+                ProcessEvent::Order(line) => {
+                    self.take_order(&line);
+                    None
+                }
+                ProcessEvent::OrdersEnded => Some(RunEnd::Dismissed),
                 ProcessEvent::Interrupted(signal) => Some(RunEnd::Interrupted(signal)),
-                ProcessEvent::Order(line) => self.take_order(&line),
-                ProcessEvent::OrdersEnded => Some(RunEnd::Asked),
                 ProcessEvent::TimedOut => {
                     self.display.refresh();
                     None
@@ -182,7 +163,6 @@ impl RunLoop<'_> {
 
     /// Takes in a line of the verifier.
     fn take_line(&mut self, line: &str, set_aside: &mut Option<VerdictReport>) -> Option<RunEnd> {
-        self.tell_line(line);
         match serde_json::from_str(line) {
             Ok(ReportLine::Progress(mut progress)) => {
                 progress.expected = Some(self.modules);
@@ -214,11 +194,13 @@ impl RunLoop<'_> {
                         self.relies_on_the_dead(&verdict) || self.leaves_out_the_living(&verdict)
                     }
                 };
-                if self.is_controlled {
+                let is_attended = self.attendance.is_some();
+                if may_change && !(is_attended && verdict.outcome == Outcome::Failed) {
+                    *set_aside = Some(verdict);
                     return None;
                 }
-                if may_change {
-                    *set_aside = Some(verdict);
+                if is_attended {
+                    self.display.show_verdict((&verdict).into());
                     return None;
                 }
                 Some(RunEnd::Judged(Judgement::Verdict(verdict)))
@@ -322,13 +304,16 @@ impl RunLoop<'_> {
             }
             return None;
         }
+        if self.take_ordered_exit(process) {
+            return None;
+        }
         let all_joined = self.observed.discovery.is_some();
         let target_is_known = self
             .observed
             .progress
             .as_ref()
             .is_some_and(Progress::knows_target);
-        let roles = &*self.roles;
+        let roles = &self.roles;
         if !roles.can_continue_without(process, status, all_joined, target_is_known) {
             return Some(RunEnd::ProcessEnded(process, status));
         }
@@ -340,11 +325,11 @@ impl RunLoop<'_> {
         };
         self.display
             .note(&format!("{death}; the run continues without it"));
-        self.tell(&Told::ended(&death));
+        self.display.show_process(&death.modules, false);
         self.report_removal(&death.modules);
         let deaths = &mut self.observed.deaths;
         deaths.push(death);
-        (deaths.of_agents() == self.roles.agents.len() && !self.is_controlled)
+        (deaths.of_agents() == self.roles.agents.len())
             .then_some(RunEnd::NoAgentLeft(process, status))
     }
 

@@ -12,11 +12,11 @@ use formation_model::{ModuleId, ModuleSize, PlanningProblem};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
+use super::operator_commands::Orders;
 use super::processes::Host;
 use super::programs::{Programs, RECORDER};
 use super::roles::ProcessRoles;
 use super::router::Carrier;
-use super::run_loop::Orders;
 use super::stores::RunStores;
 use super::supervisor::{ProcessId, ProcessOutput, Supervisor};
 use crate::arguments::{ON, RunArguments};
@@ -33,9 +33,6 @@ const START_PAUSE_PER_PAIR: Duration = Duration::from_micros(100);
 
 /// A recorder records the own topics of at most this many modules.
 const RECORDED_MODULES_MAX: usize = 100;
-
-/// The program that announces the target.
-const TARGET_PUBLISHER: &str = "target_publisher";
 
 /// The program that plays the robots of a scenario.
 pub const WORLD: &str = "world";
@@ -75,7 +72,9 @@ impl Start<'_> {
         }
         let world = self.world(supervisor)?;
         let agents = self.agents(supervisor)?;
-        let target_publisher = self.publisher_of(supervisor, &self.arguments.scenario)?;
+        let modules = self.problem.modules().len();
+        let target_publisher =
+            self.target_publisher(supervisor, &self.arguments.scenario, modules)?;
         Ok(ProcessRoles {
             verifier,
             target_publisher,
@@ -85,19 +84,45 @@ impl Start<'_> {
         })
     }
 
+    /// Starts what announces the target of a scenario file to this many of the modules that founded the formation.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn target_publisher(
+        &self,
+        supervisor: &mut Supervisor,
+        scenario: &Path,
+        modules: usize,
+    ) -> Result<ProcessId, Failure> {
+        let founders = self.problem.modules().iter();
+        let ids: Vec<String> = founders.map(|module| module.id.0.to_string()).collect();
+        let mut command = self.programs.command("target_publisher");
+        command.arg("--scenario").arg(scenario);
+        self.node(
+            supervisor,
+            command,
+            "target_publisher".to_owned(),
+            &[
+                "--expected-modules",
+                &modules.to_string(),
+                "--founders",
+                &ids.join(","),
+            ],
+            ProcessOutput::Discarded,
+        )
+    }
+
     /// Makes the commands that give orders to the modules.
     pub fn orders(&self) -> Orders<'_> {
         Orders {
             command: Box::new(|order| {
-                let mut command = self.programs.command(TARGET_PUBLISHER);
+                let mut command = self.programs.command("target_publisher");
                 self.place(&mut command);
                 command.args(order);
                 self.join_session(&mut command);
                 command
             }),
             bodies_vanish: !self.arguments.motion.bodies_stay(),
-            agent: Box::new(|supervisor, modules| self.agent_of(supervisor, modules)),
-            target: Box::new(|supervisor, scenario| self.publisher_of(supervisor, scenario)),
         }
     }
 
@@ -117,7 +142,7 @@ impl Start<'_> {
     }
 
     fn verifier(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {
-        let timeout = self.arguments.patience().as_secs_f64().to_string();
+        let timeout = self.arguments.timeout.as_secs_f64().to_string();
         let until = match self.arguments.plan_only {
             true => "--plan-only",
             // When a module dies, the verdict may change.
@@ -171,21 +196,25 @@ impl Start<'_> {
             if !self.carrier.is_zenoh() && !supervisor.pause(start_pause(agents.len())) {
                 break;
             }
-            agents.insert(self.agent(supervisor, host)?, host.modules.clone());
+            let process = self.agent(supervisor, host)?;
+            agents.insert(process, host.modules.clone());
         }
         Ok(agents)
     }
 
-    /// Starts the process of some modules.
-    fn agent(&self, supervisor: &mut Supervisor, host: &Host) -> Result<ProcessId, Failure> {
+    /// Starts a process of modules.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn agent(&self, supervisor: &mut Supervisor, host: &Host) -> Result<ProcessId, Failure> {
         let motion = &self.arguments.motion;
-        let speed = motion.speed.to_string();
-        let state_dir = self.stores.directory.to_string_lossy();
         let list = ranges(host.modules.iter().copied());
         let option = match host.modules.len() {
             1 => "--module",
             _ => "--modules",
         };
+        let speed = motion.speed.to_string();
+        let state_dir = self.stores.directory.to_string_lossy();
         let mut options = vec![option, &list, "--state-dir", &state_dir];
         options.extend(["--speed", &speed, "--motion", motion.mode()]);
         let tolerances = motion.world.module_options();
@@ -199,42 +228,6 @@ impl Start<'_> {
             host.program(),
             host.name(),
             &options,
-            ProcessOutput::Discarded,
-        )
-    }
-
-    /// Starts the process of these modules again.
-    fn agent_of(
-        &self,
-        supervisor: &mut Supervisor,
-        modules: &[ModuleId],
-    ) -> Result<ProcessId, Failure> {
-        let mut hosts = self.hosts.iter();
-        let host = hosts.find(|host| host.modules == modules);
-        let host = host.ok_or_else(|| Failure::failed("no process hosts these modules"))?;
-        self.agent(supervisor, host)
-    }
-
-    /// Starts the publisher of the target of a scenario file, for the modules of the run.
-    fn publisher_of(
-        &self,
-        supervisor: &mut Supervisor,
-        scenario: &Path,
-    ) -> Result<ProcessId, Failure> {
-        let modules = self.problem.modules().iter();
-        let ids: Vec<String> = modules.map(|module| module.id.0.to_string()).collect();
-        let mut command = self.programs.command(TARGET_PUBLISHER);
-        command.arg("--scenario").arg(scenario);
-        self.node(
-            supervisor,
-            command,
-            TARGET_PUBLISHER.to_owned(),
-            &[
-                "--expected-modules",
-                &ids.len().to_string(),
-                "--founders",
-                &ids.join(","),
-            ],
             ProcessOutput::Discarded,
         )
     }

@@ -19,6 +19,8 @@ use super::tail::{LINE_BYTES_MAX, Tail, for_each_line};
 
 /// How many inputs may wait for the owning thread. When there are more, the readers block, and so do the processes.
 const INPUTS_MAX: usize = 1_024;
+/// A longer order is cut, and then refused.
+const ORDER_BYTES_MAX: u64 = 64 * 1024;
 /// A line of results lists every module, so it may be long.
 const RESULT_BYTES_MAX: u64 = 16 * 1024 * 1024;
 /// How long the rest of the output is awaited after an exit; a grandchild may hold the pipe open without end.
@@ -57,12 +59,12 @@ pub enum ProcessEvent {
     Line(ProcessId, String),
     /// A process ended; all its output was read before.
     Exited(ProcessId, ExitStatus),
+    /// A line of the standard input.
+    Order(String),
+    /// The standard input has ended.
+    OrdersEnded,
     /// A signal asks the launcher to end.
     Interrupted(i32),
-    /// A line on the launcher's own input.
-    Order(String),
-    /// The launcher's own input ended.
-    OrdersEnded,
     /// Nothing happened until the deadline.
     TimedOut,
 }
@@ -71,9 +73,9 @@ enum Input {
     Result(ProcessId, String),
     Error(ProcessId, String),
     Closed(ProcessId),
-    Signal(i32),
     Order(String),
     OrdersEnded,
+    Signal(i32),
 }
 
 struct Supervised {
@@ -189,26 +191,33 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Reports the lines of the launcher's own input from now on.
+    /// Begins to read orders from the standard input.
     ///
     /// # Errors
-    /// No thread can be started.
-    pub fn take_orders(&mut self) -> io::Result<()> {
+    /// Returns what the system says if no thread can be started.
+    pub fn read_orders(&mut self) -> io::Result<()> {
         let sender = self.sender.clone();
         spawn_thread("orders".to_owned(), move || {
-            let _ = for_each_line(BufReader::new(io::stdin()), LINE_BYTES_MAX, |line| {
+            // An error of the input ends it.
+            let _ = for_each_line(io::stdin().lock(), ORDER_BYTES_MAX, |line| {
                 sender.send(Input::Order(line)).is_ok()
             });
             let _ = sender.send(Input::OrdersEnded);
         })
     }
 
-    /// Sends a signal to a process that still runs; `false` if it has ended.
-    pub fn signal(&mut self, process: ProcessId, signal: Signal) -> bool {
+    /// Ends a process as a crash would; `false` if it has ended already.
+    pub fn kill(&mut self, process: ProcessId) -> bool {
+        let supervised = &mut self.processes[process.0];
+        supervised.exit.is_none() && supervised.child.kill().is_ok()
+    }
+
+    /// Asks a process to end; `false` if it has ended already.
+    pub fn terminate(&mut self, process: ProcessId) -> bool {
         let supervised = &self.processes[process.0];
-        // It was not waited for while it has no exit, so the number is still its own.
-        supervised.exit.is_none()
-            && kill_process(Pid::from_child(&supervised.child), signal).is_ok()
+        let pid = Pid::from_child(&supervised.child);
+        // It was not waited for, so the number is still its own.
+        supervised.exit.is_none() && kill_process(pid, Signal::TERM).is_ok()
     }
 
     /// The name of a process in messages to people.
@@ -293,9 +302,9 @@ impl Supervisor {
                 }
                 supervised.tail.push(line);
             }
+            Input::Closed(process) => self.processes[process.0].open_streams -= 1,
             Input::Order(line) => self.pending.push_back(ProcessEvent::Order(line)),
             Input::OrdersEnded => self.pending.push_back(ProcessEvent::OrdersEnded),
-            Input::Closed(process) => self.processes[process.0].open_streams -= 1,
             Input::Signal(SIGCHLD) => self.reap(),
             Input::Signal(signal) => {
                 // One that repeats the first must not cut the end of the processes short.

@@ -28,6 +28,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register_usize;
 
 use super::display::Display;
+use super::lines::{self, RunLine};
 use super::{environment_of_runs, router, signal_name};
 use crate::arguments::WatchArguments;
 use crate::{console, joining};
@@ -71,14 +72,22 @@ pub fn watch(arguments: &WatchArguments) -> Result<(), Failure> {
     ];
     let settings = joining::settings(environment, middleware, &parameters)?;
     let mut display = match arguments.events {
-        true => Display::Events,
+        true => Display::Program,
         false => Display::watch(),
     };
+    if display.is_program() {
+        let domain = settings.environment.domain.number();
+        lines::print(&RunLine::Place { domain, session });
+    }
     display.set_name(&format!("session {session}"));
     let end = rejoining(|| observe(&settings, &mut display, &stop));
     display.finish();
     refuse_interruption(&signal)?;
-    conclude(end?)
+    match (end?, arguments.events) {
+        // Its verdict was printed.
+        (Some(End::Judged(_)), true) => Ok(()),
+        (end, _) => conclude(end),
+    }
 }
 
 /// The session to watch, and the size of its modules.
@@ -262,7 +271,7 @@ impl Node for Watcher<'_> {
         match input {
             Input::Messages(received) => self.handle_messages(&received),
             Input::Verdict(verdict) => {
-                self.display.show_verdict(&verdict);
+                self.display.show_verdict((&*verdict).into());
                 self.verdict = Some(*verdict);
             }
             Input::Plan(epoch, plan) if self.epoch == Some(epoch) => match plan {
@@ -357,11 +366,11 @@ impl Watcher<'_> {
             }
     }
 
-    /// COMPLETE ends a formation. Other verdicts may be replaced while messages come.
+    /// COMPLETE ends a formation for people. Other verdicts may be replaced while messages come.
     fn find_end(&self, now: Instant) -> Option<End> {
         let is_silent = now >= self.silent_at();
-        if self.display.is_endless() {
-            return is_silent.then_some(End::Silent);
+        if self.display.is_program() && !is_silent {
+            return None;
         }
         match self.verdict() {
             Some(verdict) if is_silent || verdict.outcome == Verdict::OUTCOME_COMPLETE => {

@@ -1,95 +1,139 @@
-//! `formation studio`: a page on loopback where formations are drawn, planned, run and watched.
+//! `formation studio`: a page in the browser that draws scenarios, runs them and watches them.
 
-mod run;
+mod child;
+mod course;
+mod orders;
+mod watching;
 
+use std::env;
 use std::path::PathBuf;
-use std::process::Command;
-use std::sync::Arc;
-use std::thread;
+use std::process::{Command, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use anyhow::Context;
-use async_channel::{Receiver, bounded};
-use formation_studio_server::{EventLog, Server};
-use ros_runtime::exit::{Failure, STATUS_FAILED};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
+use formation_studio_server::{Backend, EventHub, Server, ServerError};
+use ros_runtime::exit::{Failure, stop_requested};
+use serde_json::json;
 
 use crate::arguments::StudioArguments;
-use crate::run::Programs;
 use crate::{console, scenario_file};
-use run::{StudioRun, Work};
+use child::RunProcess;
+use course::Course;
 
-/// Serves the page until a signal ends it.
+/// Serves the page until a signal asks for the end, and ends with it the processes of the run.
 ///
 /// # Errors
-/// The scenario or the port is refused, or the programs of a run are missing.
-pub fn run(arguments: &StudioArguments) -> Result<(), Failure> {
+/// The scenario cannot be read, the port cannot be had, or the server fails.
+pub fn serve(arguments: &StudioArguments) -> Result<(), Failure> {
+    let given = arguments.scenario.as_deref();
+    let given = given.map(scenario_file::text).transpose()?;
     let stop = stop_requested()?;
-    let scenario = arguments.scenario.as_deref();
-    let scenario = scenario.map(|path| {
-        scenario_file::load(path)?;
-        let text = std::fs::read_to_string(path);
-        text.with_context(|| format!("cannot read {}", path.display()))
-            .map_err(Failure::BadInput)
+    let server = Server::listen(arguments.port).map_err(|error| match error {
+        ServerError::Port { .. } => Failure::bad_input(error),
+        ServerError::Token(_) | ServerError::Failed(_) => Failure::failed(error),
+    })?;
+    let hub = EventHub::default();
+    let launcher = env::current_exe()
+        .context("cannot find the launcher's own program")
+        .map_err(Failure::BadInput)?;
+    let studio = Arc::new_cyclic(|itself| Studio {
+        itself: Weak::clone(itself),
+        launcher,
+        domain: arguments.domain.map(|domain| domain.to_string()),
+        speed: arguments.speed.map(|speed| speed.to_string()),
+        course: Mutex::new(Course::new(hub.clone(), arguments.attach, given)),
+        run: Mutex::new(None),
     });
-    let scenario = scenario.transpose()?;
-    let folder = tempfile::Builder::new()
-        .prefix("formation-studio-")
-        .tempdir()
-        .context("cannot create a folder for what is drawn")
-        .map_err(Failure::Failed)?;
-    let log = EventLog::default();
-    let work = work(arguments, folder.path().to_owned())?;
-    let server = Server::listen(arguments.port);
-    let server = server.map_err(|error| Failure::Failed(error.into()))?;
-    let studio = Arc::new(StudioRun::new(work, log.clone(), scenario)?);
-    console::result_line(&server.address())?;
+    let watching = match arguments.attach {
+        true => Some(watching::start(&studio, arguments.session)?),
+        false => None,
+    };
+    let address = server.address();
+    console::result_line(&address)?;
     console::note(
-        "open this address in a browser on this machine; Ctrl-C ends the studio and its run",
+        "note: whoever knows this address can use the studio; Ctrl-C ends it, and the run with it",
     );
+    if arguments.open {
+        open(&address);
+    }
+    let backend: Arc<dyn Backend> = Arc::clone(&studio) as Arc<dyn Backend>;
     let stopped = async move {
-        // It is closed only by a signal.
         let _ = stop.recv().await;
     };
-    let served = server.serve(Arc::clone(&studio) as _, log, stopped);
-    studio.end();
-    served.map_err(|error| Failure::Failed(error.into()))
-}
-
-/// What the page may do, and by which command.
-fn work(arguments: &StudioArguments, folder: PathBuf) -> Result<Work, Failure> {
-    let launcher = std::env::current_exe().context("cannot find the launcher's own program");
-    let launcher = launcher.map_err(Failure::Failed)?;
-    let verb = match arguments.attach {
-        true => ["watch", "--events"],
-        false => ["run", "--control"],
-    };
-    let mut options: Vec<String> = verb.map(str::to_owned).into();
-    options.extend(arguments.domain.map(|domain| format!("--domain={domain}")));
-    options.extend(arguments.run_option.iter().cloned());
-    let command = Box::new(move || {
-        let mut command = Command::new(&launcher);
-        command.args(&options);
-        command
-    });
-    if arguments.attach {
-        return Ok(Work::Watches { command });
+    let served = server.serve(backend, hub, stopped);
+    if let Some(watching) = watching {
+        watching.end();
     }
-    Programs::next_to_launcher()?;
-    Ok(Work::Runs { command, folder })
+    studio.end_run();
+    served.map_err(Failure::failed)
 }
 
-/// Yields at the first signal that asks the studio to end; the second ends it at once, and its run ends with it.
-fn stop_requested() -> Result<Receiver<()>, Failure> {
-    let (sender, receiver) = bounded(1);
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
-    let threads = thread::Builder::new().name("signals".to_owned());
-    threads.spawn(move || {
-        for _ in signals.forever() {
-            if sender.try_send(()).is_err() {
-                std::process::exit(STATUS_FAILED.into());
-            }
+/// Shows the page in the browser of the desktop, if there is one.
+fn open(address: &str) {
+    let mut command = Command::new("xdg-open");
+    command.arg(address).stdin(Stdio::null());
+    let started = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    if let Err(error) = started {
+        console::note(&format!("warning: cannot start xdg-open: {error}"));
+    }
+}
+
+/// What the page talks to.
+pub(super) struct Studio {
+    /// For the threads that follow a run.
+    itself: Weak<Self>,
+    /// This program, which runs and watches.
+    launcher: PathBuf,
+    domain: Option<String>,
+    speed: Option<String>,
+    course: Mutex<Course>,
+    run: Mutex<Option<RunProcess>>,
+}
+
+/// What a lock protects is whole between any two statements, also if a thread panicked.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Studio {
+    /// A command of this program, in the domain that was chosen.
+    fn command(&self, name: &str) -> Command {
+        let mut command = Command::new(&self.launcher);
+        command.arg(name);
+        if let Some(domain) = &self.domain {
+            command.args(["--domain", domain]);
         }
-    })?;
-    Ok(receiver)
+        command
+    }
+
+    /// Ends the run and its processes, if there is one.
+    fn end_run(&self) {
+        let run = lock(&self.run).take();
+        if let Some(run) = run {
+            run.end();
+        }
+    }
+
+    fn course(&self) -> MutexGuard<'_, Course> {
+        lock(&self.course)
+    }
+}
+
+impl Backend for Studio {
+    fn engine(&self, request: &str) -> String {
+        formation_studio_engine::answer(request)
+    }
+
+    fn state(&self) -> String {
+        self.course().state().to_string()
+    }
+
+    fn order(&self, name: &str, body: &str) -> Option<String> {
+        let outcome = orders::carry_out(self, name, body)?;
+        let answer = match outcome {
+            Ok(()) => json!({"ok": {}}),
+            Err(text) => json!({"error": {"text": text}}),
+        };
+        Some(answer.to_string())
+    }
 }

@@ -7,8 +7,8 @@ use formation_report::film;
 use serde_json::{Map, Value, json};
 
 use crate::Refusal;
-use crate::findings::{Finding, Place};
-use crate::request::{Request, SCENARIO_BYTES_MAX};
+use crate::findings::{Finding, Named};
+use crate::request::{EngineRequest, SCENARIO_BYTES_MAX};
 use crate::scenarios::SHIPPED;
 
 /// The sections that `to_yaml` writes.
@@ -25,14 +25,14 @@ const LISTS: [&str; 6] = [
 ///
 /// # Errors
 /// Says why there is no answer.
-pub fn of(request: &Request) -> Result<Value, Refusal> {
+pub fn of(request: &EngineRequest) -> Result<Value, Refusal> {
     match request {
-        Request::Scenarios => Ok(json!({ "scenarios": SHIPPED })),
-        Request::Policies => {
+        EngineRequest::Scenarios => Ok(json!({ "scenarios": SHIPPED })),
+        EngineRequest::Policies => {
             let entries: Vec<PolicyEntry> = Policy::all().map(|(_, entry)| entry).collect();
             Ok(json!({ "policies": entries }))
         }
-        Request::Read { text } => {
+        EngineRequest::Read { text } => {
             let raw = raw(text)?;
             let findings = match Scenario::try_from(raw.clone()) {
                 Ok(_) => Vec::new(),
@@ -40,14 +40,14 @@ pub fn of(request: &Request) -> Result<Value, Refusal> {
             };
             Ok(json!({ "scenario": as_value(&raw)?, "findings": findings }))
         }
-        Request::Write { text } => Ok(json!({ "text": written(&raw(text)?)? })),
-        Request::Check { text } => Ok(json!({ "findings": findings(text) })),
-        Request::Plan { text, policy } => {
+        EngineRequest::Write { text } => Ok(json!({ "text": written(&raw(text)?)? })),
+        EngineRequest::Check { text } => Ok(json!({ "findings": findings(text) })),
+        EngineRequest::Plan { text, policy } => {
             let scenario = scenario(text)?;
             let plan = planned(&scenario, policy.as_deref())?;
             Ok(shown(&scenario, &plan))
         }
-        Request::Pictures { text, policy } => {
+        EngineRequest::Pictures { text, policy } => {
             let scenario = scenario(text)?;
             let plan = planned(&scenario, policy.as_deref())?;
             let course = plan.course();
@@ -63,7 +63,7 @@ pub fn of(request: &Request) -> Result<Value, Refusal> {
 impl Refusal {
     fn of(text: impl ToString) -> Self {
         let text = text.to_string();
-        let place = Place::named_in(&text);
+        let place = Named::named_in(&text);
         Self { text, place }
     }
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// What a sentence is about.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Place {
+pub struct Named {
     /// The identifiers of modules.
     pub modules: Vec<u32>,
     /// The identifiers of spots.
@@ -17,7 +17,7 @@ pub struct Place {
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Severity {
+pub enum Grade {
     /// There is no plan.
     Error,
     /// There is one, and it may not be what was meant.
@@ -28,30 +28,30 @@ pub enum Severity {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// How bad it is.
-    pub severity: Severity,
+    pub severity: Grade,
     /// The words of `formation check`.
     pub text: String,
     /// What it is about.
     #[serde(flatten)]
-    pub place: Place,
+    pub place: Named,
 }
 
 impl Finding {
     /// An error in these words.
     pub fn error(text: &str) -> Self {
-        Self::of(Severity::Error, text)
+        Self::of(Grade::Error, text)
     }
 
     /// A warning in these words.
     pub fn warning(text: &str) -> Self {
-        Self::of(Severity::Warning, text)
+        Self::of(Grade::Warning, text)
     }
 
-    fn of(severity: Severity, text: &str) -> Self {
+    fn of(severity: Grade, text: &str) -> Self {
         Self {
             severity,
             text: text.to_owned(),
-            place: Place::named_in(text),
+            place: Named::named_in(text),
         }
     }
 }
@@ -62,7 +62,7 @@ impl From<&ScenarioError> for Finding {
     }
 }
 
-impl Place {
+impl Named {
     /// What a sentence names: "module 3", "modules 1, 4 and 7-9", "spot 2", "obstacles[5]".
     ///
     /// The core names what it refuses in words alone, which are the same in every user's message.
@@ -135,14 +135,14 @@ mod tests {
 
     #[test]
     fn what_a_sentence_names_is_found() {
-        let place = Place::named_in(
+        let place = Named::named_in(
             "modules 1, 4 and 7-9 overlap spot 2; obstacles[5]: covers spots 3 and 2, of module 4.",
         );
         assert_eq!(place.modules, [1, 4, 7, 8, 9]);
         assert_eq!(place.spots, [2, 3]);
         assert_eq!(place.obstacles, [5]);
         let nothing = "modules: more than spots; 3 modules will stay without a spot, module";
-        assert_eq!(Place::named_in(nothing), Place::default());
-        assert_eq!(Place::named_in("modules 1-4294967295"), Place::default());
+        assert_eq!(Named::named_in(nothing), Named::default());
+        assert_eq!(Named::named_in("modules 1-4294967295"), Named::default());
     }
 }

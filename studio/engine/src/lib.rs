@@ -8,7 +8,7 @@ mod findings;
 mod request;
 mod scenarios;
 
-pub use request::{Request, SCENARIO_BYTES_MAX};
+pub use request::{EngineRequest, SCENARIO_BYTES_MAX};
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -20,13 +20,13 @@ pub struct Refusal {
     pub text: String,
     /// Where it is wrong, as far as it is known.
     #[serde(flatten)]
-    pub place: findings::Place,
+    pub place: findings::Named,
 }
 
 /// Answers a request: `{"ok": ...}` or `{"error": {"text": ..., ...}}`.
 #[must_use]
 pub fn answer(request: &str) -> String {
-    let answered = Request::read(request).and_then(|request| answers::of(&request));
+    let answered = EngineRequest::read(request).and_then(|request| answers::of(&request));
     let answer: Value = match answered {
         Ok(answer) => json!({ "ok": answer }),
         Err(refusal) => json!({ "error": refusal }),

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use crate::Refusal;
-use crate::findings::Place;
+use crate::findings::Named;
 
 /// The longest scenario that is read, in bytes.
 pub const SCENARIO_BYTES_MAX: usize = 4 * 1024 * 1024;
@@ -11,7 +11,7 @@ pub const SCENARIO_BYTES_MAX: usize = 4 * 1024 * 1024;
 /// What the page asks.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "call", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Request {
+pub enum EngineRequest {
     /// The shipped scenarios.
     Scenarios,
     /// The policies.
@@ -49,7 +49,7 @@ pub enum Request {
     },
 }
 
-impl Request {
+impl EngineRequest {
     /// Reads a request.
     ///
     /// # Errors
@@ -61,12 +61,12 @@ impl Request {
                     "the request has {} bytes; a scenario may have {SCENARIO_BYTES_MAX}",
                     request.len()
                 ),
-                place: Place::default(),
+                place: Named::default(),
             });
         }
         serde_json::from_str(request).map_err(|error| Refusal {
             text: format!("no request: {error}"),
-            place: Place::default(),
+            place: Named::default(),
         })
     }
 }

@@ -10,7 +10,7 @@ use axum::Router;
 use axum::body::to_bytes;
 use axum::extract::{Request, State};
 use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, HeaderName, Method, StatusCode};
+use axum::http::{Method, StatusCode};
 use axum::response::sse::{KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use thiserror::Error;
@@ -20,12 +20,10 @@ use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 
 use crate::answers::{content, guarded, json, refusal};
-use crate::events::EventLog;
+use crate::events::{self, EventHub};
 use crate::gate::Gate;
 use crate::{Backend, REQUEST_BYTES_MAX, page};
 
-/// What a browser sends when it connects again.
-const LAST_EVENT_ID: HeaderName = HeaderName::from_static("last-event-id");
 /// How many calls are answered at the same time; others wait.
 const CALLS_MAX: usize = 4;
 /// How many pages get events at the same time.
@@ -63,7 +61,7 @@ pub struct Server {
 struct Shared {
     gate: Gate,
     backend: Arc<dyn Backend>,
-    log: EventLog,
+    hub: EventHub,
     calls: Semaphore,
 }
 
@@ -104,13 +102,13 @@ impl Server {
     pub fn serve(
         self,
         backend: Arc<dyn Backend>,
-        log: EventLog,
+        hub: EventHub,
         stop: impl Future<Output = ()>,
     ) -> Result<(), ServerError> {
         let shared = Arc::new(Shared {
             gate: Gate::new(self.token, self.port),
             backend,
-            log,
+            hub,
             calls: Semaphore::new(CALLS_MAX),
         });
         let router = Router::new().fallback(answer).with_state(shared);
@@ -149,7 +147,7 @@ async fn route(shared: &Arc<Shared>, rest: &str, request: Request) -> Response {
     };
     match (request.method(), call) {
         (&Method::GET, "state") => json(shared.backend.state()),
-        (&Method::GET, "events") => follow(shared, request.headers()),
+        (&Method::GET, "events") => follow(shared),
         (&Method::POST, _) => {
             let call = call.to_owned();
             take_call(shared, call, request).await
@@ -161,28 +159,22 @@ async fn route(shared: &Arc<Shared>, rest: &str, request: Request) -> Response {
     }
 }
 
-fn follow(shared: &Shared, headers: &HeaderMap) -> Response {
-    if shared.log.pages() >= PAGES_MAX {
+fn follow(shared: &Shared) -> Response {
+    if shared.hub.pages() >= PAGES_MAX {
         return refusal(StatusCode::TOO_MANY_REQUESTS, "too many pages are open");
     }
-    // A browser that was disconnected names the last event that it has.
-    let last = headers
-        .get(LAST_EVENT_ID)
-        .and_then(|last| last.to_str().ok());
-    let last = last.and_then(|last| last.parse::<usize>().ok());
-    let next = last.map_or(0, |last| last.saturating_add(1));
-    Sse::new(shared.log.stream(next))
+    // Subscribed before, so that nothing is lost between the two.
+    let receiver = shared.hub.subscribe();
+    let stream = events::stream(shared.backend.state(), receiver);
+    Sse::new(stream)
         .keep_alive(KeepAlive::default())
         .into_response()
 }
 
 async fn take_call(shared: &Arc<Shared>, call: String, request: Request) -> Response {
     // A form of another page cannot have this type without asking first, which is never granted.
-    let mut given = request.headers().get_all(CONTENT_TYPE).iter();
-    let given = match (given.next(), given.next()) {
-        (Some(only), None) => only.to_str().unwrap_or(""),
-        _ => "",
-    };
+    let given = request.headers().get(CONTENT_TYPE);
+    let given = given.and_then(|given| given.to_str().ok()).unwrap_or("");
     let kind = given.split(';').next().unwrap_or("").trim();
     if !kind.eq_ignore_ascii_case("application/json") {
         return refusal(
@@ -193,7 +185,7 @@ async fn take_call(shared: &Arc<Shared>, call: String, request: Request) -> Resp
     let Ok(body) = to_bytes(request.into_body(), REQUEST_BYTES_MAX).await else {
         return refusal(
             StatusCode::PAYLOAD_TOO_LARGE,
-            "the body is longer than 8 MiB, or ended early",
+            "the body is longer than 4 MiB, or ended early",
         );
     };
     let Ok(body) = String::from_utf8(body.into()) else {

@@ -7,6 +7,7 @@
 //! the first one more, so all modules come to rest as long as ways lead to their goals.
 
 use std::cmp::Reverse;
+use std::collections::BTreeSet;
 
 use super::lattice::{Arena, Time};
 use super::schedule::NO_UNIT;
@@ -46,13 +47,16 @@ pub(super) struct TargetSwapping<'a> {
 }
 
 impl<'a> TargetSwapping<'a> {
-    /// Modules at distinct places with distinct goals; `None` if no way leads to some goal, or the field is too large.
+    /// Modules at places with goals; `None` if two share one, if no way leads to some goal, or if the field is too large.
     pub fn of(
         arena: &'a Arena,
         closed: &[bool],
         places: &[usize],
         goals: &[usize],
     ) -> Option<Self> {
+        if !(are_distinct(places) && are_distinct(goals)) {
+            return None;
+        }
         let mut standing = vec![NO_UNIT; arena.area()];
         for (module, &cell) in places.iter().enumerate() {
             standing[cell] = module;
@@ -193,6 +197,11 @@ impl<'a> TargetSwapping<'a> {
         self.goal_of[circle[0]] = last;
         true
     }
+}
+
+fn are_distinct(cells: &[usize]) -> bool {
+    let distinct: BTreeSet<usize> = cells.iter().copied().collect();
+    distinct.len() == cells.len()
 }
 
 /// The distances from all goals; `None` if the tables would be too large.

@@ -1,8 +1,11 @@
+use std::path::Path;
+use std::process::Command;
+
 use formation_event_log::{Entry, LogEvent};
 use formation_model::{Assignment, Epoch, FormationStage, SpotId};
 
-use super::super::display::{LineThrottle, progress_line};
 use super::*;
+use crate::run::display::{LineThrottle, progress_line};
 
 /// Runs processes that are shell scripts until the time is up: the verifier, the target publisher, and processes of
 /// modules 1, 2 and so on.
@@ -24,7 +27,7 @@ fn run_for(seconds: u64, scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
         })
         .collect();
     let agents = processes[2..].iter().copied().zip(1..);
-    let mut roles = ProcessRoles {
+    let roles = ProcessRoles {
         verifier: processes[0],
         target_publisher: processes[1],
         world: None,
@@ -36,7 +39,7 @@ fn run_for(seconds: u64, scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
     let start = Instant::now();
     let (end, observed) = RunLoop {
         supervisor: &mut supervisor,
-        roles: &mut roles,
+        roles,
         modules: 2,
         start,
         deadline: start + Duration::from_secs(seconds),
@@ -46,11 +49,9 @@ fn run_for(seconds: u64, scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
         orders: Orders {
             command: Box::new(|_| Command::new("true")),
             bodies_vanish: false,
-            agent: Box::new(|_, _| Err(Failure::failed("none"))),
-            target: Box::new(|_, _| Err(Failure::failed("none"))),
         },
         order_givers: BTreeSet::new(),
-        is_controlled: false,
+        attendance: None,
     }
     .run();
     (end, observed, supervisor)
