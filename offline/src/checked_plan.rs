@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Instant;
 
 use formation_event_log::{Entry, SceneChange};
 use formation_model::text::{counted, joined, listed_in_full};
@@ -18,6 +17,7 @@ use thiserror::Error;
 
 use crate::motion::{self, MotionSummary};
 use crate::spread::WithoutSpread;
+use crate::stopwatch::Stopwatch;
 use crate::swap::SwapReport;
 use crate::table::aligned;
 
@@ -135,7 +135,7 @@ impl CheckedPlan {
         problem: Arc<PlanningProblem>,
         report: impl FnMut(PlanStage),
     ) -> Result<Self, GuaranteeBroken> {
-        let start = Instant::now();
+        let start = Stopwatch::start();
         Self::made(Planning::new(problem), start, report)
     }
 
@@ -154,13 +154,13 @@ impl CheckedPlan {
 
     fn made(
         mut planning: Planning,
-        start: Instant,
+        start: Stopwatch,
         mut report: impl FnMut(PlanStage),
     ) -> Result<Self, GuaranteeBroken> {
         let problem = Arc::clone(planning.problem());
         let decisions =
             planning.take_all_turns_with(|taken, left| report(PlanStage::Turns(taken, left)));
-        let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
+        let planning_us = start.passed_us();
         let mut outcome = planning.outcome(decisions);
         check(&problem, &outcome, check_plan)?;
         let hole = hole_of(&problem, &outcome.plan);

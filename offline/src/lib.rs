@@ -15,6 +15,7 @@ mod motion;
 mod policy_instance;
 mod scenario_text;
 mod spread;
+mod stopwatch;
 mod swap;
 mod table;
 mod trace;

@@ -8,6 +8,7 @@ export class Refused extends Error {
   }
 }
 
+/** Asks the server of this page. */
 let answer = async (request) => {
   const response = await fetch("api/engine", {
     method: "POST", headers: { "Content-Type": "application/json" }, body: request,
@@ -15,9 +16,14 @@ let answer = async (request) => {
   return response.text();
 };
 
-/** Uses another way to the engine: a function from a request to an answer, both as text. */
-export function answerBy(other) {
-  answer = other;
+/** Finds the engine, and returns whether a server has it. Without one, it is the file `playground.js` next to the page, which studio/playground/build.sh makes. */
+export async function findEngine() {
+  const state = await fetch("api/state").catch(() => null);
+  if (state?.ok) return true;
+  const { default: load, answer: inHere } = await import("./playground.js");
+  await load();
+  answer = async (request) => inHere(request);
+  return false;
 }
 
 /** Asks for something, and returns it; throws `Refused`. */

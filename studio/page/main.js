@@ -1,6 +1,6 @@
 // The page: what is drawn is checked and planned as one draws, played as a film, and run by real processes.
 
-import { ask } from "./engine.js";
+import { ask, findEngine } from "./engine.js";
 import { Drawing } from "./drawing.js";
 import { Editor } from "./editor.js";
 import { Film, Player } from "./film.js";
@@ -273,13 +273,14 @@ part("scenarios").addEventListener("change", async ({ target }) => {
   }
 });
 
+const hasServer = await findEngine();
 const scenarios = (await ask("scenarios")).scenarios;
 part("scenarios").append(...scenarios.map(({ name: value }) => new Option(value, value)));
 const { policies } = await ask("policies");
 const choosable = policies.filter((policy) => policy.name !== "given");
 part("policy").append(new Option("as in the file", ""), ...choosable.map((policy) => new Option(policy.name, policy.name)));
 part("beside").append(...choosable.map((policy) => new Option(policy.name, policy.name)));
-const state = await live.connect();
+const state = hasServer ? await live.connect() : null;
 if (state?.yaml) await read(state.yaml);
 else fit();
 drawing.past = [];

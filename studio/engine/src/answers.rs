@@ -61,7 +61,7 @@ pub fn of(request: &EngineRequest) -> Result<Value, Refusal> {
 }
 
 impl Refusal {
-    fn of(text: impl ToString) -> Self {
+    fn of(text: &impl ToString) -> Self {
         let text = text.to_string();
         let place = Named::named_in(&text);
         Self { text, place }
@@ -70,7 +70,7 @@ impl Refusal {
 
 fn raw(text: &str) -> Result<RawScenario, Refusal> {
     if text.len() > SCENARIO_BYTES_MAX {
-        return Err(Refusal::of(format!(
+        return Err(Refusal::of(&format!(
             "the scenario has {} bytes; at most {SCENARIO_BYTES_MAX} are read",
             text.len()
         )));
@@ -87,16 +87,18 @@ fn planned(scenario: &Scenario, policy: Option<&str>) -> Result<CheckedPlan, Ref
     let policy = policy
         .map(|name| {
             Policy::named(name).ok_or_else(|| {
-                Refusal::of(format!(
+                Refusal::of(&format!(
                     "there is no policy `{name}`; there are {}",
                     Policy::NAMES
                 ))
             })
         })
         .transpose()?;
-    let problem = problem_under(scenario, policy).map_err(Refusal::of)?;
-    PlanSize::of(&problem).check().map_err(Refusal::of)?;
-    CheckedPlan::of_problem(problem).map_err(Refusal::of)
+    let problem = problem_under(scenario, policy).map_err(|reason| Refusal::of(&reason))?;
+    PlanSize::of(&problem)
+        .check()
+        .map_err(|reason| Refusal::of(&reason))?;
+    CheckedPlan::of_problem(problem).map_err(|reason| Refusal::of(&reason))
 }
 
 /// What the page shows of a plan.
@@ -147,7 +149,7 @@ fn findings(text: &str) -> Vec<Finding> {
 
 /// A scenario as the lists of a file.
 fn as_value(raw: &RawScenario) -> Result<Value, Refusal> {
-    let mut whole = serde_json::to_value(raw).map_err(Refusal::of)?;
+    let mut whole = serde_json::to_value(raw).map_err(|reason| Refusal::of(&reason))?;
     if let Some(fields) = whole.as_object_mut() {
         let mut in_target = Map::new();
         if let Some(Value::Object(given)) = fields.remove("given") {
@@ -166,7 +168,7 @@ fn as_value(raw: &RawScenario) -> Result<Value, Refusal> {
 /// A scenario file as people write it; sections other than the lists are written as JSON, which is YAML.
 fn written(raw: &RawScenario) -> Result<String, Refusal> {
     let mut text = to_yaml(raw);
-    let whole = serde_json::to_value(raw).map_err(Refusal::of)?;
+    let whole = serde_json::to_value(raw).map_err(|reason| Refusal::of(&reason))?;
     for (section, value) in whole.as_object().into_iter().flatten() {
         if !LISTS.contains(&section.as_str()) {
             text.push_str(&format!("{section}: {value}\n"));
