@@ -57,6 +57,8 @@ fn main() -> ExitCode {
         FormationCommand::Watch(arguments) => run::watch(&arguments),
         #[cfg(feature = "studio")]
         FormationCommand::Studio(arguments) => studio::serve(&arguments),
+        #[cfg(not(feature = "studio"))]
+        FormationCommand::Studio(_) => Err(not_built("studio", "studio")),
         FormationCommand::Stop(network) => operator::give(&network, &[operator::STOP.to_owned()]),
         FormationCommand::Resume(network) => {
             operator::give(&network, &[operator::RESUME.to_owned()])

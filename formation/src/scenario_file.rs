@@ -19,9 +19,7 @@ const MESSAGE_BYTES_MAX: usize = 400;
 /// # Errors
 /// Names the file, and the line and column or the field that is wrong.
 pub fn load(path: &Path) -> Result<Scenario, Failure> {
-    let text = text(path)?;
-    Scenario::from_yaml(&text)
-        .map_err(|error| bounded(&error))
+    read(&text(path)?)
         .with_context(|| named(path))
         .map_err(Failure::BadInput)
 }
@@ -30,9 +28,8 @@ pub fn load(path: &Path) -> Result<Scenario, Failure> {
 ///
 /// # Errors
 /// Names the line and column or the field that is wrong.
-pub fn read(text: &str) -> Result<Scenario, Failure> {
-    let read = Scenario::from_yaml(text);
-    read.map_err(|error| Failure::BadInput(bounded(&error)))
+pub fn read(text: &str) -> anyhow::Result<Scenario> {
+    Scenario::from_yaml(text).map_err(|error| bounded(&error))
 }
 
 /// Reads the text of a scenario file, valid or not; `-` stands for the standard input.

@@ -4,6 +4,7 @@
 use std::time::Instant;
 
 /// Measures from its start on.
+#[derive(Clone, Copy)]
 pub(crate) struct Stopwatch {
     #[cfg(not(target_family = "wasm"))]
     start: Instant,

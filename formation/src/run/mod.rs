@@ -43,10 +43,13 @@ use crate::plan_output::PlanOutput;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use attendance::Attendance;
+#[cfg(feature = "studio")]
 pub use attendance::{OrderLine, RunOrder};
 use display::Display;
 pub use display::progress_line;
-pub use lines::{RunLine, RunVerdict};
+pub use lines::RunLine;
+#[cfg(feature = "studio")]
+pub use lines::RunVerdict;
 pub use network::environment_of_runs;
 pub use programs::Programs;
 use programs::RECORDER;
@@ -58,6 +61,7 @@ use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
 use stores::RunStores;
 use supervisor::{ProcessId, Supervisor};
+#[cfg(feature = "studio")]
 pub use tail::for_each_line;
 pub use watch::watch;
 
