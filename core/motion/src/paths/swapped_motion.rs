@@ -156,7 +156,8 @@ impl LatticeRequest<'_> {
         cells.collect()
     }
 
-    /// The motion of a passage, each move as soon as the cell is free; `None` if a module has to turn and has no room for that.
+    /// The motion of a passage, each move as soon as the cell is free; `None` if a module has to turn and has no room for that, or
+    /// another one stands where it goes.
     pub fn plan_passage(&self, passage: &Passage) -> Option<MotionPlan> {
         let crew = self.crew(&[]);
         let (ready, parameters) = (self.ready(), &self.request.parameters);
@@ -167,11 +168,11 @@ impl LatticeRequest<'_> {
             Scheduling::SafeIntervals,
             parameters.expansions_max,
         );
-        schedule.follow(&passage.spreading);
+        schedule.follow(&passage.spreading)?;
         for unit in 0..crew.units.len() {
             schedule.turn(unit)?;
         }
-        schedule.follow(&passage.gathering);
+        schedule.follow(&passage.gathering)?;
         let order = schedule.by_arrival();
         // A plan that the budget leaves half improved is a plan.
         let _ = improve(&mut schedule, &order, parameters.improvement_passes);
@@ -191,12 +192,13 @@ impl LatticeRequest<'_> {
 }
 
 impl Schedule<'_> {
-    /// Single modules make moves in this order, each as soon as it can.
-    fn follow(&mut self, moves: &[Move]) {
+    /// Single modules make moves in this order, each as soon as it can; `None` if another one stands where one goes.
+    fn follow(&mut self, moves: &[Move]) -> Option<()> {
         for &(unit, cell) in moves {
             let (layout, _) = split(self.arena, self.place(unit));
-            self.enter(unit, layout * self.arena.area() + cell);
+            self.enter(unit, layout * self.arena.area() + cell)?;
         }
+        Some(())
     }
 
     /// A module turns where it is, if it has to; `None` if there is no room.
@@ -212,18 +214,19 @@ impl Schedule<'_> {
             if self.first_other(unit, &cells).is_some() || cells.iter().any(|&it| self.solid[it]) {
                 return None;
             }
-            self.enter(unit, next);
+            self.enter(unit, next)?;
         }
         Some(())
     }
 
-    /// A unit steps into a node in which no other one stands, as soon as those before it have left.
-    fn enter(&mut self, unit: usize, node: usize) {
+    /// A unit steps into a node as soon as those before it have left; `None` if another one stands there.
+    fn enter(&mut self, unit: usize, node: usize) -> Option<()> {
         let cells = self.units[unit].cells(self.arena, node);
         let free = cells.map(|cell| self.table.free_from(cell, unit)).max();
-        debug_assert_ne!(free, Some(FOREVER), "no other unit stands there");
-        let begin = free.unwrap_or_default().max(self.since(unit));
+        let free = free.filter(|&free| free != FOREVER)?;
+        let begin = free.max(self.since(unit));
         self.append(unit, &[Entry { node, begin }]);
+        Some(())
     }
 
     /// The units that move, by when they arrive.
