@@ -20,9 +20,22 @@ let answer = async (request) => {
 export async function findEngine() {
   const state = await fetch("api/state").catch(() => null);
   if (state?.ok) return true;
-  const { default: load, answer: inHere } = await import("./playground.js");
-  await load();
-  answer = async (request) => inHere(request);
+  const worker = new Worker("engine_worker.js", { type: "module" });
+  const waiting = new Map();
+  let asked = 0;
+  await new Promise((ready, failed) => {
+    worker.addEventListener("error", ({ message }) => failed(new Error(message || "the engine of this page cannot be loaded")));
+    worker.addEventListener("message", ({ data: [number, answered] }) => {
+      if (number === 0) ready();
+      waiting.get(number)?.(answered);
+      waiting.delete(number);
+    });
+  });
+  answer = (request) => new Promise((done) => {
+    asked += 1;
+    waiting.set(asked, done);
+    worker.postMessage([asked, request]);
+  });
   return false;
 }
 

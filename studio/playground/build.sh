@@ -23,10 +23,11 @@ set FORMATION_WASM_RUST=FOLDER" >&2
     exit 3
 fi
 
+# Its own lock file may name versions that a mirror of the registry does not have.
 version=$(sed -n 's/^wasm-bindgen = .*"=\([0-9.]*\)".*/\1/p' Cargo.toml)
 bindgen=$CARGO_TARGET_DIR/bindgen/bin/wasm-bindgen
 if [ "$("$bindgen" --version 2>/dev/null)" != "wasm-bindgen $version" ]; then
-    env -u CARGO_TARGET_DIR cargo install --quiet --locked wasm-bindgen-cli --version "$version" --root "$CARGO_TARGET_DIR/bindgen"
+    env -u CARGO_TARGET_DIR cargo install --quiet wasm-bindgen-cli --version "$version" --root "$CARGO_TARGET_DIR/bindgen"
 fi
 "$bindgen" --target web --no-typescript --out-dir "$out" --out-name playground "$CARGO_TARGET_DIR/$target/release/formation_playground.wasm"
 cp studio/page/* "$out"
