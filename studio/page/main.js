@@ -8,6 +8,7 @@ import { Live } from "./live.js";
 import { Stage, groupColour } from "./stage.js";
 
 const PLAN_DELAY_MS = 150;
+const EVENTS_SHOWN_MAX = 3000;
 const part = (id) => document.getElementById(id);
 
 const drawing = new Drawing();
@@ -258,6 +259,33 @@ for (const button of document.querySelectorAll("[data-tool]")) {
   });
 }
 
+/** Runs what is drawn under virtual time, with the faults of a seed. */
+async function simulate() {
+  const [faults, seed] = [part("faults").value, part("seed").valueAsNumber];
+  const ending = part("ending");
+  ending.className = "";
+  ending.textContent = "simulating…";
+  part("simulate").disabled = true;
+  try {
+    const run = await ask("simulate", { text: JSON.stringify(drawing.scenario()), seed: Number.isFinite(seed) ? seed : 1, faults });
+    const broken = run.violations.length ? `; broken: ${run.violations.join("; ")}` : ", no promise broken";
+    ending.textContent = `${run.ending}, ${run.recovery_s.toFixed(1)} s after the last fault, in ${run.epochs} epoch${run.epochs === 1 ? "" : "s"}${broken}`;
+    ending.className = run.violations.length ? "bad" : "";
+    part("events").replaceChildren(...run.events.slice(0, EVENTS_SHOWN_MAX).map((text) => {
+      const line = document.createElement("li");
+      line.textContent = text;
+      return line;
+    }));
+    part("events-box").hidden = false;
+  } catch (error) {
+    ending.className = "bad";
+    ending.textContent = error.message;
+  } finally {
+    part("simulate").disabled = false;
+  }
+}
+onClick("simulate", simulate);
+
 /** The next drawing begins with the modules of the run where they stand. */
 function drawNext() {
   const { modules, links } = live.standing();
@@ -276,7 +304,8 @@ part("scenarios").addEventListener("change", async ({ target }) => {
 const hasServer = await findEngine();
 const scenarios = (await ask("scenarios")).scenarios;
 part("scenarios").append(...scenarios.map(({ name: value }) => new Option(value, value)));
-const { policies } = await ask("policies");
+const { policies, faults } = await ask("policies");
+part("faults").append(...faults.map((kind) => new Option(kind, kind)));
 const choosable = policies.filter((policy) => policy.name !== "given");
 part("policy").append(new Option("as in the file", ""), ...choosable.map((policy) => new Option(policy.name, policy.name)));
 part("beside").append(...choosable.map((policy) => new Option(policy.name, policy.name)));

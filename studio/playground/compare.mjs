@@ -1,4 +1,5 @@
-// Compares the engine as WebAssembly with the program `formation`: equal plans for the shipped scenarios and for generated ones.
+// Compares the engine as WebAssembly with the program `formation`: equal plans for the shipped scenarios and for generated ones, and equal
+// events of simulated runs with faults.
 // Usage: node studio/playground/compare.mjs OUT FORMATION [SEEDS]
 
 import assert from "node:assert/strict";
@@ -41,8 +42,17 @@ try {
     const text = execFileSync(formation, ["generate", "--modules", size, "--spots", size, "--seed", String(seed), ...kind], { encoding: "utf8" });
     compare(`seed ${seed}`, text);
   }
+  const ten = scenarios.find(({ name }) => name === "singletons_10").text;
+  const file = join(folder, "ten.yaml");
+  writeFileSync(file, ten);
+  for (let seed = 1; seed <= 10; seed += 1) {
+    const here = ask({ call: "simulate", text: ten, seed, faults: "mixed" }).ok;
+    const run = ["simulate", file, "--seeds", "1", "--first-seed", String(seed), "--faults", "mixed", "--json"];
+    const there = JSON.parse(execFileSync(formation, run, { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] }));
+    assert.deepEqual(here.events, there.transcript, `simulated seed ${seed}`);
+  }
   assert.match(ask({ call: "plan", text: "[[[" }).error.text, /line/);
-  console.log(`${scenarios.length} shipped and ${seeds} generated scenarios: equal plans`);
+  console.log(`${scenarios.length} shipped and ${seeds} generated scenarios: equal plans; ten seeds with faults: equal events`);
 } finally {
   rmSync(folder, { recursive: true });
 }

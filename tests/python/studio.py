@@ -86,6 +86,15 @@ def drawn(program, domain, scenarios):
             """, json.dumps(before))
             studio.browser.run("window.formationStudio.drawing.load(JSON.parse(arguments[0]))", exported)
             say(loaded=name, equal=studio.scenario() == before)
+        studio.choose("scenarios", "singletons_10")
+        studio.await_plan("10 of 10")
+        studio.choose("faults", "mixed")
+        studio.browser.click("#simulate")
+        ending = studio.wait("the end of the simulated run", """
+            const text = document.getElementById("ending").textContent;
+            return text.includes("promise") && text
+        """)
+        say(simulated=ending, events=studio.browser.run('return document.getElementById("events").childElementCount > 20'))
         studio.browser.click("#clear")
         for stroke in LETTER_H:
             studio.draw("spot", *stroke)

@@ -1,9 +1,10 @@
 //! The answers.
 
 use formation_model::{Policy, PolicyEntry, RawScenario, Scenario};
-use formation_offline::{CheckedPlan, oddities, problem_under, to_yaml};
+use formation_offline::{CheckedPlan, campaign_parameters, oddities, problem_under, to_yaml};
 use formation_planner::PlanSize;
 use formation_report::film;
+use formation_sim::{Ending, FaultKind, run_seed};
 use serde_json::{Map, Value, json};
 
 use crate::Refusal;
@@ -21,6 +22,9 @@ const LISTS: [&str; 6] = [
     "in_parts",
 ];
 
+/// The most modules of a simulated run: it takes some seconds with faults.
+const SIMULATED_HERE_MAX: usize = 60;
+
 /// Answers a request.
 ///
 /// # Errors
@@ -30,7 +34,8 @@ pub fn of(request: &EngineRequest) -> Result<Value, Refusal> {
         EngineRequest::Scenarios => Ok(json!({ "scenarios": SHIPPED })),
         EngineRequest::Policies => {
             let entries: Vec<PolicyEntry> = Policy::all().map(|(_, entry)| entry).collect();
-            Ok(json!({ "policies": entries }))
+            let faults: Vec<&str> = FaultKind::NAMED.iter().map(|(name, _)| *name).collect();
+            Ok(json!({ "policies": entries, "faults": faults }))
         }
         EngineRequest::Read { text } => {
             let raw = raw(text)?;
@@ -47,6 +52,7 @@ pub fn of(request: &EngineRequest) -> Result<Value, Refusal> {
             let plan = planned(&scenario, policy.as_deref())?;
             Ok(shown(&scenario, &plan))
         }
+        EngineRequest::Simulate { text, seed, faults } => simulated(text, *seed, faults),
         EngineRequest::Pictures { text, policy } => {
             let scenario = scenario(text)?;
             let plan = planned(&scenario, policy.as_deref())?;
@@ -127,6 +133,45 @@ fn shown(scenario: &Scenario, plan: &CheckedPlan) -> Value {
         "film": film(&subject, &course, &summary.outcome),
         "plan": plan.whole_report(None),
     })
+}
+
+/// A run of a scenario under virtual time, with the faults that a seed draws.
+fn simulated(text: &str, seed: u64, faults: &str) -> Result<Value, Refusal> {
+    let faults: FaultKind = faults
+        .parse()
+        .map_err(|error: String| Refusal::of(&format!("faults: {error}")))?;
+    let scenario = scenario(text)?;
+    let modules = scenario.problem().modules().len();
+    if modules > SIMULATED_HERE_MAX {
+        return Err(Refusal::of(&format!(
+            "{modules} modules are too many to simulate on a page, which takes {SIMULATED_HERE_MAX}; `formation simulate` takes more"
+        )));
+    }
+    scenario
+        .check_formable()
+        .map_err(|error| Refusal::of(&error))?;
+    let plan = planned(&scenario, None)?;
+    if let Some(reason) = plan.unmovable_text() {
+        return Err(Refusal::of(&reason));
+    }
+    let parameters = campaign_parameters(faults, (modules, modules), Some(&plan), true);
+    let report = run_seed(&parameters, seed).map_err(|error| Refusal::of(&error))?;
+    let ending = match report.ending {
+        Ending::Formed => "formed",
+        Ending::WaitingForQuorum => "waiting for a quorum",
+        Ending::Neither => "neither formed nor waiting for a quorum",
+    };
+    let lines = report.transcript.lines().iter().map(ToString::to_string);
+    let violations = report.violations.iter();
+    let violations = violations.map(|one| format!("{}: {}", one.kind, one.detail));
+    Ok(json!({
+        "ending": ending,
+        "running": report.running,
+        "recovery_s": report.recovery.as_secs_f64(),
+        "epochs": report.epochs,
+        "violations": violations.collect::<Vec<String>>(),
+        "events": lines.collect::<Vec<String>>(),
+    }))
 }
 
 /// What `formation check` says, errors first.
@@ -227,6 +272,25 @@ singletons: [{id: 4, x: 3.0, y: 3.0}, {id: 5, x: 3.2, y: 3.0}]
         let checked = ok(&json!({ "call": "check", "text": twice }));
         assert_eq!(checked["findings"][0]["severity"], "error", "{checked}");
         assert_eq!(checked["findings"][0]["modules"], json!([4]), "{checked}");
+    }
+
+    #[test]
+    fn a_seed_repeats_its_run_and_its_faults() {
+        let run = |seed: u64, faults: &str| {
+            let text = SHIPPED[1].text;
+            ok(&json!({ "call": "simulate", "text": text, "seed": seed, "faults": faults }))
+        };
+        let calm = run(1, "none");
+        assert_eq!(calm["ending"], "formed", "{calm}");
+        let rough = run(3, "mixed");
+        assert_eq!(rough["violations"], json!([]), "{rough}");
+        assert_eq!(rough, run(3, "mixed"));
+        assert_ne!(rough["events"], run(4, "mixed")["events"]);
+        let refused = error(&json!({ "call": "simulate", "text": "", "seed": 1, "faults": "<b>" }));
+        assert!(
+            refused["text"].as_str().unwrap().starts_with("faults: "),
+            "{refused}"
+        );
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub const SCENARIO_BYTES_MAX: usize = 4 * 1024 * 1024;
 pub enum EngineRequest {
     /// The shipped scenarios.
     Scenarios,
-    /// The policies.
+    /// The policies, and the kinds of faults.
     Policies,
     /// A scenario file as lists.
     Read {
@@ -38,6 +38,15 @@ pub enum EngineRequest {
         /// Another policy than that of the scenario.
         #[serde(default)]
         policy: Option<String>,
+    },
+    /// A simulated run of a scenario with faults.
+    Simulate {
+        /// YAML or JSON.
+        text: String,
+        /// What decides everything that is drawn at random.
+        seed: u64,
+        /// The name of a kind of faults.
+        faults: String,
     },
     /// Pictures of a plan, as SVG.
     Pictures {
