@@ -200,7 +200,8 @@ type SimulateArguments = AnyArguments;
 pub struct ReportArguments {
     /// The recording (MCAP), as `formation run --record` and the program `recorder` write it, or the folder of a bag.
     pub recording: PathBuf,
-    /// Write pictures and page into this directory [default: the name of the recording without its end, unless --film is given]
+    /// Write pictures and page into this directory [default: the name of the recording without its end, unless --film or --figure
+    /// is given]
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
     /// Write an animated picture (SVG) to this file; it plays wherever a picture may stand, such as in a README.
@@ -209,6 +210,20 @@ pub struct ReportArguments {
     /// Draw the film for a dark page.
     #[arg(long, requires = "film")]
     pub dark: bool,
+    /// Write a row of pictures (SVG) to this file, at the shares of the time from the first motion to the end that --at names.
+    #[arg(long, value_name = "FILE")]
+    pub figure: Option<PathBuf>,
+    /// The shares of the figure in per cent, at most 12.
+    #[arg(long, value_name = "PERCENTS", value_delimiter = ',', default_value = "0,25,50,100", value_parser = percent)]
+    pub at: Vec<u32>,
+}
+
+/// A share such as 25 or 25%.
+#[cfg(feature = "recordings")]
+fn percent(text: &str) -> Result<u32, String> {
+    let number = text.trim().trim_end_matches('%').parse();
+    let percent = number.ok().filter(|percent| *percent <= 100);
+    percent.ok_or_else(|| format!("`{text}` is no share from 0 to 100 per cent"))
 }
 
 /// What can be done for the security of a formation.

@@ -10,7 +10,7 @@ use formation_model::{ModuleId, PlanningProblem, SpotId};
 use formation_motion::PlannedMotion;
 use formation_msgs::Verdict;
 use formation_planner::plan;
-use formation_report::{Colours, Fact, Subject, Summary, Tone, animation};
+use formation_report::{Colours, Fact, PANELS_MAX, Subject, Summary, Tone, animation, figure};
 use formation_verifier_lines::{NOT_COLLISION_FREE, outcome_text};
 use formation_verify::Outcome;
 use recorder::replay::{Replay, replay};
@@ -57,21 +57,26 @@ pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     let summary = summary(&replay, problem, &recording);
     let mut written = Vec::new();
     if let Some(file) = &arguments.film {
-        if scenario_file::is_standard_input(file) {
-            return Err(Failure::bad_input("--film -: name a file"));
-        }
         let colours = if arguments.dark {
             Colours::Dark
         } else {
             Colours::Light
         };
         let film = animation(&subject, course, &summary.outcome, colours);
-        fs::write(file, film)
-            .with_context(|| format!("{}: cannot be written", file.display()))
-            .map_err(Failure::Failed)?;
-        written.push(format!("film: {}", file.display()));
+        written.push(write_picture("film", file, &film)?);
     }
-    if arguments.film.is_none() || arguments.report.is_some() {
+    if let Some(file) = &arguments.figure {
+        if arguments.at.len() > PANELS_MAX {
+            return Err(Failure::bad_input(format_args!(
+                "--at: has {} shares; a figure has at most {PANELS_MAX}",
+                arguments.at.len()
+            )));
+        }
+        let row = figure(&subject, course, &arguments.at);
+        written.push(write_picture("figure", file, &row)?);
+    }
+    let has_other = arguments.film.is_some() || arguments.figure.is_some();
+    if !has_other || arguments.report.is_some() {
         let directory = arguments.report.clone();
         let directory = directory.unwrap_or_else(|| default_directory(path));
         let report = ReportDirectory::create(&directory)?;
@@ -88,6 +93,19 @@ pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
             replay.file.samples
         ))),
     }
+}
+
+/// Writes the picture of an option, and says so.
+fn write_picture(option: &str, file: &Path, picture: &str) -> Result<String, Failure> {
+    if scenario_file::is_standard_input(file) {
+        return Err(Failure::bad_input(format_args!(
+            "--{option} -: name a file"
+        )));
+    }
+    fs::write(file, picture)
+        .with_context(|| format!("{}: cannot be written", file.display()))
+        .map_err(Failure::Failed)?;
+    Ok(format!("{option}: {}", file.display()))
 }
 
 /// The file's name without its end; where it has none, and for a bag, something that does not exist yet.

@@ -217,6 +217,12 @@ pub(crate) fn target(
 
 /// A module at a pose.
 pub(crate) fn module_at(frame: &Frame, module: &Module, pose: &Pose) -> Element {
+    let place = (frame.x(pose), frame.y(pose));
+    module_in(frame, module, place, Frame::turn(pose))
+}
+
+/// A module in a place in pixels, turned clockwise by degrees.
+pub(crate) fn module_in(frame: &Frame, module: &Module, (x, y): (f64, f64), turn: f64) -> Element {
     let side = frame.module_side();
     let look = look(module.configuration);
     let class = if module.leads {
@@ -226,8 +232,8 @@ pub(crate) fn module_at(frame: &Frame, module: &Module, pose: &Pose) -> Element 
     };
     let mut drawn = Element::group(class)
         .with("data-module", module.id.0)
-        .with("transform", translate(frame.x(pose), frame.y(pose)))
-        .containing(body((side, frame.body), &look, Frame::turn(pose)));
+        .with("transform", translate(x, y))
+        .containing(body((side, frame.body), &look, turn));
     if let Some(label) = label(side, module.id.0) {
         drawn.push(label.with("fill", look.ink).with("stroke", look.fill));
     }

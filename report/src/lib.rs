@@ -6,6 +6,7 @@
 mod animation;
 mod drawing;
 mod element;
+mod figure;
 mod frame;
 mod legend;
 mod page;
@@ -17,6 +18,7 @@ mod played;
 mod subject;
 
 pub use animation::{Colours, animation};
+pub use figure::{PANELS_MAX, figure};
 pub use page::{Fact, Summary, Tone, page};
 pub use pictures::{after, before};
 pub use planned::course_of_plan;

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 use crate::support::Formed;
 use formation_model::ModuleId;
-use formation_report::{after, before};
+use formation_report::{PANELS_MAX, after, before, course_of_plan, figure};
 
 fn count(text: &str, part: &str) -> usize {
     text.matches(part).count()
@@ -129,4 +129,30 @@ fn a_module_whose_process_died_looks_different_in_the_end() {
         "{after}"
     );
     assert!(after.contains(">module whose process died<"));
+}
+
+#[test]
+fn a_figure_is_a_row_from_the_start_to_the_end() {
+    let formed = Formed::shipped("figure1_ladder17");
+    let course = course_of_plan(formed.problem(), &formed.outcome, &formed.motion, 1.0);
+    let subject = formed.subject();
+    let row = figure(&subject, &course, &[0, 50, 100]);
+    assert_eq!(count(&row, "class=\"panel\""), 3);
+    assert_eq!(count(&row, "data-module=\"4\""), 3);
+    // Module 4 begins on the ground at its pose, moves, and ends elsewhere.
+    let places: Vec<&str> = row
+        .split("data-module=\"4\" transform=\"")
+        .skip(1)
+        .map(|rest| rest.split('"').next().unwrap())
+        .collect();
+    assert!(
+        places[0] != places[1] && places[1] != places[2],
+        "{places:?}"
+    );
+    assert!(row.contains("50 %"));
+    let many = vec![0; PANELS_MAX + 5];
+    assert_eq!(
+        count(&figure(&subject, &course, &many), "class=\"panel\""),
+        PANELS_MAX
+    );
 }

@@ -220,8 +220,8 @@ onClick("export-yaml", async () => {
   download(`${name()}.yaml`, "text/yaml", text);
 });
 onClick("export-svg", async () => {
-  const { before } = await ask("pictures", { text: JSON.stringify(drawing.scenario()), ...policyFields() });
-  download(`${name()}.svg`, "image/svg+xml", before);
+  const { figure } = await ask("pictures", { text: JSON.stringify(drawing.scenario()), ...policyFields() });
+  download(`${name()}.svg`, "image/svg+xml", figure);
 });
 onClick("export-png", () => new Promise((done) => {
   stage.draw();

@@ -37,7 +37,7 @@ pub(crate) struct Film {
     /// The length in seconds.
     pub(crate) length: f64,
     /// When the first module moves, at which the player begins; 0 if none does.
-    begin: f64,
+    pub(crate) begin: f64,
     /// The side of a module's square.
     side: f64,
     /// The recorded milliseconds at some times, between which the player interpolates.

@@ -72,6 +72,23 @@ impl Track {
         &self.frames
     }
 
+    /// The keyframe at a time, interpolated.
+    pub(crate) fn at(&self, time: f64) -> Keyframe {
+        let after = self.frames.partition_point(|frame| frame.0 <= time);
+        let before = self.frames[after.saturating_sub(1)];
+        let Some(&next) = self.frames.get(after).filter(|next| next.0 > before.0) else {
+            return before;
+        };
+        let share = ((time - before.0) / (next.0 - before.0)).max(0.0);
+        let between = |from: f64, to: f64| from + (to - from) * share;
+        Keyframe(
+            time,
+            between(before.1, next.1),
+            between(before.2, next.2),
+            between(before.3, next.3),
+        )
+    }
+
     /// Takes the pose of a state, before which the module was in phase `was`.
     pub(super) fn stand_or_go(
         &mut self,

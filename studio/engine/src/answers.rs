@@ -22,6 +22,9 @@ const LISTS: [&str; 6] = [
     "in_parts",
 ];
 
+/// The moments of a figure.
+const FIGURE_PERCENTS: [u32; 4] = [0, 25, 50, 100];
+
 /// The most modules of a simulated run: it takes some seconds with faults.
 const SIMULATED_HERE_MAX: usize = 60;
 
@@ -61,6 +64,7 @@ pub fn of(request: &EngineRequest) -> Result<Value, Refusal> {
             Ok(json!({
                 "before": formation_report::before(&subject),
                 "after": formation_report::after(&subject),
+                "figure": formation_report::figure(&subject, &course, &FIGURE_PERCENTS),
             }))
         }
     }
