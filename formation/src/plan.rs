@@ -5,9 +5,9 @@ use ros_runtime::exit::{Failure, one_line};
 
 use crate::arguments::PlanArguments;
 use crate::plan_output::PlanOutput;
+use crate::policies::problem_under;
 use crate::report::ReportDirectory;
 use crate::{check, console, policy_program, scenario_file};
-use formation_offline::problem_under;
 
 /// Plans a scenario file and prints the plan.
 ///

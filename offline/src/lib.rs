@@ -19,7 +19,6 @@ mod stopwatch;
 mod swap;
 mod table;
 mod trace;
-mod under_policy;
 mod warnings;
 
 #[cfg(feature = "simulator")]
@@ -35,9 +34,8 @@ pub use explain::{ExplanationReport, explanation_text};
 pub use import::{ImportError, ImportOptions, import, map_bytes_max};
 pub use motion::warning as motion_warning;
 pub use policy_instance::PolicyInstance;
-pub use scenario_text::{field_percent, generated, to_yaml};
+pub use scenario_text::{as_in_a_file, field_percent, generated, to_yaml, whole_yaml};
 pub use spread::WithoutSpread;
 pub use table::aligned;
 pub use trace::{TraceError, TraceVerdict, read_trace, verify_trace};
-pub use under_policy::problem_under;
 pub use warnings::of as oddities;

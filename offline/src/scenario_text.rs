@@ -5,6 +5,7 @@ use std::fmt::Write;
 use formation_generate::{Apart, GenerateError, GeneratorParameters, generate, set_apart};
 use formation_model::text::joined;
 use formation_model::{MICRO_PER_UNIT, MicroUnits, RawModule, RawScenario};
+use serde_json::Value;
 
 /// The width of the field in which modules start, 1.5 to 100 times the square root of their number, in hundredths.
 ///
@@ -33,6 +34,45 @@ pub fn generated(
         set_apart(&mut scenario, Apart::Circles, percent, parameters.seed);
     }
     Ok(scenario)
+}
+
+/// The sections that [`to_yaml`] writes.
+const LISTS: [&str; 4] = ["name", "target", "configurations", "singletons"];
+
+/// A scenario with the sections of a file: who takes which spot, and whether there are parts, is in the section `target`.
+///
+/// # Errors
+/// A number is none that JSON has.
+pub fn as_in_a_file(scenario: &RawScenario) -> serde_json::Result<Value> {
+    let mut whole = serde_json::to_value(scenario)?;
+    if let Some(fields) = whole.as_object_mut() {
+        let given = fields.remove("given");
+        let given = given.and_then(|given| given.as_object().cloned());
+        let in_parts = fields
+            .remove("in_parts")
+            .map(|flag| ("in_parts".to_owned(), flag));
+        if let Some(target) = fields.get_mut("target").and_then(Value::as_object_mut) {
+            target.extend(given.unwrap_or_default());
+            target.extend(in_parts);
+        }
+    }
+    Ok(whole)
+}
+
+/// The text of a scenario file with all its sections. JSON is YAML, so sections other than target and modules are written as JSON.
+///
+/// # Errors
+/// A number is none that JSON has.
+pub fn whole_yaml(scenario: &RawScenario) -> serde_json::Result<String> {
+    let mut text = to_yaml(scenario);
+    let whole = as_in_a_file(scenario)?;
+    for (section, value) in whole.as_object().into_iter().flatten() {
+        if !LISTS.contains(&section.as_str()) {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{section}: {value}");
+        }
+    }
+    Ok(text)
 }
 
 /// Writes a scenario as people write it, a spot or a module a line.
@@ -105,7 +145,7 @@ fn quoted(text: &str) -> String {
     if plain && text.len() > "false".len() {
         text.to_owned()
     } else {
-        serde_json::Value::from(text).to_string()
+        Value::from(text).to_string()
     }
 }
 

@@ -211,9 +211,7 @@ class Scenario:
 
         JSON is YAML, so sections other than target and modules are written as JSON.
         """
-        lists = {"name", "target", "configurations", "singletons"}
-        rest = {field: value for field, value in self.to_dict().items() if field not in lists}
-        return self._native.lists_to_yaml() + "".join(f"{field}: {json.dumps(rest[field])}\n" for field in rest)
+        return self._native.to_yaml()
 
     def to_map(self) -> str:
         """The sections ``target`` and ``modules`` as drawings, as ``formation show`` prints them.

@@ -3,11 +3,10 @@
 use std::sync::Arc;
 
 use formation_model::{Policy, RawScenario, Scenario, Target};
-use formation_offline::{PolicyInstance, oddities, to_yaml};
+use formation_offline::{PolicyInstance, as_in_a_file, oddities, whole_yaml};
 use formation_planner::assignment::Instance;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use serde_json::Value;
 
 use crate::arrays;
 use crate::errors::{json, scenario_refused, scenario_unsuited};
@@ -59,14 +58,16 @@ impl NativeScenario {
 
     /// The scenario as lists, as JSON.
     fn to_json(&self, py: Python<'_>) -> PyResult<String> {
-        let whole = serde_json::to_value(&self.raw);
-        let whole = whole.map_err(|error| scenario_unsuited(py, &error.to_string()))?;
-        json(py, &as_in_a_file(whole))
+        let whole = as_in_a_file(&self.raw);
+        json(
+            py,
+            &whole.map_err(|error| scenario_unsuited(py, &error.to_string()))?,
+        )
     }
 
-    /// The target, modules and configurations as the text of a scenario file; other sections are left out.
-    fn lists_to_yaml(&self) -> String {
-        to_yaml(&self.raw)
+    /// The text of a scenario file.
+    fn to_yaml(&self, py: Python<'_>) -> PyResult<String> {
+        whole_yaml(&self.raw).map_err(|error| scenario_unsuited(py, &error.to_string()))
     }
 
     /// The sections `target` and `modules` of a scenario file that draws this scenario.
@@ -157,22 +158,6 @@ impl NativeScenario {
     fn plan(&self, py: Python<'_>) -> PyResult<NativePlan> {
         NativePlan::of(py, Arc::clone(&self.scenario))
     }
-}
-
-/// A file has in the section `target` who takes which spot, and whether there are parts.
-fn as_in_a_file(mut whole: Value) -> Value {
-    if let Some(fields) = whole.as_object_mut() {
-        let given = fields.remove("given");
-        let given = given.and_then(|given| given.as_object().cloned());
-        let in_parts = fields
-            .remove("in_parts")
-            .map(|flag| ("in_parts".to_owned(), flag));
-        if let Some(target) = fields.get_mut("target").and_then(Value::as_object_mut) {
-            target.extend(given.unwrap_or_default());
-            target.extend(in_parts);
-        }
-    }
-    whole
 }
 
 fn pairs(edges: &[(usize, usize)]) -> Vec<u8> {

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::contender::{ComparedPolicy, Decides};
 use super::instance::ComparedInstance;
+use crate::policies::problem_under;
 use crate::policy_program;
-use formation_offline::problem_under;
 
 /// What became of a policy on an instance; the same on every machine, except of a program that draws lots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
