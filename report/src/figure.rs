@@ -6,7 +6,7 @@ use crate::drawing::{self, rectangle, translate};
 use crate::element::{Element, Short};
 use crate::frame::Frame;
 use crate::page::places;
-use crate::pictures::STYLE;
+use crate::pictures::{style_place, styled};
 use crate::playback::{Fate, Film, KEYFRAMES_MAX};
 use crate::subject::Subject;
 
@@ -17,8 +17,8 @@ pub const PANELS_MAX: usize = 12;
 const GAP: f64 = 16.0;
 const CAPTION: f64 = 26.0;
 
-/// A row of pictures of a course, each at a share of the time from the first motion to the end, in hundredths: 0 is the start and
-/// 100 the end. Only the first [`PANELS_MAX`] are drawn.
+/// A row of pictures of a course, each at a share of the recorded time from the first motion to the end, in hundredths: 0 is the
+/// start and 100 the end. Only the first [`PANELS_MAX`] are drawn.
 #[must_use]
 pub fn figure(subject: &Subject, course: &[Entry], percents: &[u32]) -> String {
     let frame = Frame::around(places(subject, course)).with_bodies(subject.surroundings.body());
@@ -26,8 +26,7 @@ pub fn figure(subject: &Subject, course: &[Entry], percents: &[u32]) -> String {
     let mut row = Element::group("row");
     let mut left = GAP;
     for &percent in percents.iter().take(PANELS_MAX) {
-        let share = f64::from(percent.min(100)) / 100.0;
-        let time = film.begin + (film.length - film.begin) * share;
+        let time = film.moment(f64::from(percent.min(100)) / 100.0);
         let caption = Element::new("text")
             .with("class", "subtitle")
             .lengths([("x", frame.width / 2.0), ("y", frame.height + 18.0)])
@@ -47,13 +46,11 @@ pub fn figure(subject: &Subject, course: &[Entry], percents: &[u32]) -> String {
         .lengths([("width", width), ("height", height)])
         .with("role", "img")
         .containing(Element::new("title").saying(subject.title()))
-        .containing(Element::new("style").saying(""))
+        .containing(style_place())
         .containing(drawing::patterns())
         .containing(rectangle("paper", width, height))
         .containing(row);
-    // The style sheet contains characters that the escaping of text would change.
-    let style = format!("<style>{STYLE}</style>");
-    picture.to_string().replacen("<style></style>", &style, 1)
+    styled(&picture)
 }
 
 /// The formation at a time of the film.

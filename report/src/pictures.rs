@@ -176,15 +176,24 @@ fn on_paper(
         .with("height", Short(height))
         .with("role", "img")
         .containing(Element::new("title").saying(format!("{}, {subtitle}", subject.title())))
-        .containing(Element::new("style").saying(""))
+        .containing(style_place())
         .containing(drawing::patterns())
         .containing(drawing::rectangle("paper", width, height))
         .containing(text("title", 28.0, &title));
     root.extend(subtitle_lines);
     root.extend([ground, legend.with("transform", legend_place)]);
-    // The style sheet contains characters that the escaping of text would change.
+    styled(&root)
+}
+
+/// Where [`styled`] puts the style sheet of a picture.
+pub(crate) fn style_place() -> Element {
+    Element::new("style").saying("")
+}
+
+/// The text of a picture with its style sheet, which contains characters that the escaping of text would change.
+pub(crate) fn styled(picture: &Element) -> String {
     let style = format!("<style>{STYLE}</style>");
-    root.to_string().replacen("<style></style>", &style, 1)
+    picture.to_string().replacen("<style></style>", &style, 1)
 }
 
 /// The width of a letter of common fonts, as a part of its size.

@@ -8,8 +8,9 @@
 use std::collections::BTreeSet;
 
 use crate::support::Formed;
-use formation_model::ModuleId;
-use formation_report::{PANELS_MAX, after, before, course_of_plan, figure};
+use formation_event_log::{Entry, LogEvent, ModuleSnapshot};
+use formation_model::{ModuleId, ModulePhase, Pose};
+use formation_report::{PANELS_MAX, Subject, after, before, course_of_plan, figure};
 
 fn count(text: &str, part: &str) -> usize {
     text.matches(part).count()
@@ -155,4 +156,47 @@ fn a_figure_is_a_row_from_the_start_to_the_end() {
         count(&figure(&subject, &course, &many), "class=\"panel\""),
         PANELS_MAX
     );
+}
+
+/// Where module 2 is drawn.
+fn place_of_second(figure: &str) -> &str {
+    let rest = figure
+        .split("data-module=\"2\" transform=\"")
+        .nth(1)
+        .unwrap();
+    rest.split('"').next().unwrap()
+}
+
+#[test]
+fn the_moments_of_a_figure_are_shares_of_the_recorded_time() {
+    let formed = Formed::shipped("singletons_10");
+    let pose = |x: f64| Pose::from_units(x, 40.0, 0.0).unwrap();
+    let state = |at_ms, module, phase, x| Entry {
+        at_ms,
+        event: LogEvent::State(ModuleSnapshot {
+            module: ModuleId(module),
+            phase,
+            pose: pose(x),
+            links: BTreeSet::new(),
+            spot: None,
+            unit: None,
+        }),
+    };
+    // Module 1 drives for a second, and module 2 for a second after a wait of eight.
+    let course = [
+        state(0, 1, ModulePhase::Moving, 0.0),
+        state(0, 2, ModulePhase::Waiting, 20.0),
+        state(1_000, 1, ModulePhase::Settled, 10.0),
+        state(9_000, 2, ModulePhase::Moving, 20.0),
+        state(10_000, 2, ModulePhase::Settled, 30.0),
+    ];
+    let (problem, outcome) = (formed.problem(), &formed.outcome);
+    let subject = Subject::of_course("waits", problem, outcome, &course, None);
+    let at = |percent| {
+        let row = figure(&subject, &course, &[percent]);
+        place_of_second(&row).to_owned()
+    };
+    assert_eq!(at(80), at(20), "it waits");
+    assert_ne!(at(95), at(80));
+    assert_ne!(at(100), at(95));
 }

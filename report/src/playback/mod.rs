@@ -37,7 +37,7 @@ pub(crate) struct Film {
     /// The length in seconds.
     pub(crate) length: f64,
     /// When the first module moves, at which the player begins; 0 if none does.
-    pub(crate) begin: f64,
+    begin: f64,
     /// The side of a module's square.
     side: f64,
     /// The recorded milliseconds at some times, between which the player interpolates.
@@ -100,6 +100,37 @@ impl Film {
             cutting.take(entry);
         }
         cutting.finish(end)
+    }
+
+    /// The time of the film at a share of the recorded time from the first motion to the end.
+    #[expect(clippy::cast_precision_loss, reason = "a few hours at most")]
+    pub(crate) fn moment(&self, share: f64) -> f64 {
+        let recorded = |at: f64| {
+            let after = self.clock.partition_point(|&(time, _)| time <= at);
+            between(at, self.around(after), |&(time, ms)| (time, ms as f64))
+        };
+        let last = self.clock.last().map_or(0, |&(_, ms)| ms) as f64;
+        let from = recorded(self.begin);
+        let wanted = from + (last - from) * share;
+        let after = self.clock.partition_point(|&(_, ms)| (ms as f64) < wanted);
+        between(wanted, self.around(after), |&(time, ms)| (ms as f64, time))
+    }
+
+    /// The entries of the clock before and after a position, the same one at its ends.
+    fn around(&self, after: usize) -> [&(f64, u64); 2] {
+        const NEVER: &(f64, u64) = &(0.0, 0);
+        let last = self.clock.len().saturating_sub(1);
+        [after.saturating_sub(1), after]
+            .map(|index| self.clock.get(index.min(last)).unwrap_or(NEVER))
+    }
+}
+
+/// What belongs to `at`, on the line between two points.
+fn between<T>(at: f64, ends: [&T; 2], point: impl Fn(&T) -> (f64, f64)) -> f64 {
+    let [(from, low), (to, high)] = ends.map(point);
+    match to > from {
+        true => low + (high - low) * ((at - from) / (to - from)).clamp(0.0, 1.0),
+        false => high,
     }
 }
 
