@@ -9,7 +9,6 @@ use ros_runtime::exit::Failure;
 use super::attendance::{OrderLine, RunOrder};
 use super::lines::{self, RunLine};
 use super::operator;
-use super::processes::Host;
 use super::recording::Recording;
 use super::run_loop::RunLoop;
 use super::supervisor::ProcessId;
@@ -84,12 +83,10 @@ impl RunLoop<'_> {
             return Ok(());
         };
         let start = attendance.start;
-        let leads = |host: &Host| host.modules == modules && host.leads;
-        let host = Host {
-            modules: modules.to_vec(),
-            leads: start.hosts.iter().any(leads),
-        };
-        let process = start.agent(self.supervisor, &host)?;
+        let mut hosts = start.hosts.iter();
+        let host = hosts.find(|host| host.modules == modules);
+        let host = host.ok_or_else(|| Failure::failed("no process of this run hosts them"))?;
+        let process = start.agent(self.supervisor, host)?;
         self.roles.agents.remove(&ended);
         self.roles.agents.insert(process, modules.to_vec());
         self.observed.deaths.forget(modules);

@@ -225,7 +225,6 @@ impl Course {
         let steps = self.scene.apply(entry).steps;
         let steps: Vec<String> = steps.iter().map(ToString::to_string).collect();
         self.sent.1 = true;
-        self.send(&json!({"kind": "entry", "entry": entry}));
         for step in steps {
             self.log(step);
         }

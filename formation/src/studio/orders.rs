@@ -60,8 +60,6 @@ pub fn carry_out(studio: &Studio, name: &str, body: &str) -> Option<Result<(), S
             studio.end_run();
             Ok(())
         },
-        "run/retire" => |_, _| Err(RETIRE.to_owned()),
-        "run/push" => |_, _| Err(PUSH.to_owned()),
         _ => return None,
     };
     if studio.course().is_read_only() {
@@ -70,11 +68,6 @@ pub fn carry_out(studio: &Studio, name: &str, body: &str) -> Option<Result<(), S
     }
     Some(order(studio, body))
 }
-
-const RETIRE: &str = "a module is retired by its own ROS 2 service, as in `ros2 service call /formation/module_4/retire_module \
-                      formation_msgs/srv/RetireModule \"{module_id: 4}\"`; the launcher is no client of services yet";
-const PUSH: &str = "the simulated drives of a run have no body that could be pushed; simulate the drawing to see the effect, or \
-                    run it with `formation run --world`";
 
 fn read<T: DeserializeOwned>(body: &str) -> Result<T, String> {
     serde_json::from_str(body).map_err(|error| format!("the request cannot be read: {error}"))

@@ -224,7 +224,7 @@ impl ZenohGraph {
 fn opened(config: &Config) -> Result<Session, RosContextError> {
     let deadline = Instant::now() + ROUTER_WAIT;
     let routers = config.get_json("connect/endpoints").unwrap_or_default();
-    let mut attempts = 0;
+    let mut is_waiting = false;
     loop {
         match zenoh::open(config.clone()).wait() {
             Ok(session) => return Ok(session),
@@ -235,10 +235,10 @@ fn opened(config: &Config) -> Result<Session, RosContextError> {
                 )));
             }
             Err(error) => {
-                if attempts == 0 {
+                if !is_waiting {
                     tracing::info!("waiting for a Zenoh router at {routers}: {error}");
                 }
-                attempts += 1;
+                is_waiting = true;
                 std::thread::sleep(ROUTER_INTERVAL);
             }
         }

@@ -24,6 +24,14 @@ fn supervise(script: &str) -> (Supervisor, ProcessId) {
     (supervisor, process)
 }
 
+/// Supervises a script that has said that it is ready.
+fn supervise_until_ready(script: &str) -> (Supervisor, ProcessId) {
+    let (mut supervisor, process) = supervise(script);
+    let ready = ProcessEvent::Line(process, "ready".to_owned());
+    assert_eq!(next(&mut supervisor), ready);
+    (supervisor, process)
+}
+
 fn next(supervisor: &mut Supervisor) -> ProcessEvent {
     supervisor.next(Instant::now() + PATIENCE)
 }
@@ -104,8 +112,7 @@ fn a_signal_cuts_pauses_short_and_is_reported() {
 #[test]
 fn a_signal_that_repeats_the_first_does_not_cut_the_end_of_the_processes_short() {
     let (mut supervisor, _) =
-        supervise("trap 'sleep 0.3; exit 0' TERM; echo ready; sleep 30 & wait");
-    assert!(matches!(next(&mut supervisor), ProcessEvent::Line(..)));
+        supervise_until_ready("trap 'sleep 0.3; exit 0' TERM; echo ready; sleep 30 & wait");
     for signal in [SIGTERM, SIGTERM] {
         supervisor.sender.send(Input::Signal(signal)).unwrap();
     }
@@ -130,11 +137,8 @@ fn an_exit_is_reported_though_a_grandchild_holds_the_output_open() {
 
 #[test]
 fn a_polite_process_ends_on_sigterm() {
-    let (mut supervisor, process) =
-        supervise("trap 'echo goodbye >&2; exit 0' TERM; echo ready; while :; do sleep 0.02; done");
-    assert_eq!(
-        next(&mut supervisor),
-        ProcessEvent::Line(process, "ready".to_owned())
+    let (mut supervisor, process) = supervise_until_ready(
+        "trap 'echo goodbye >&2; exit 0' TERM; echo ready; while :; do sleep 0.02; done",
     );
     assert_eq!(supervisor.stop(PATIENCE), Vec::<String>::new());
     assert!(!proc_entry(&supervisor, process).exists());
@@ -145,11 +149,7 @@ fn a_polite_process_ends_on_sigterm() {
 #[test]
 fn a_process_that_ignores_sigterm_is_killed_and_named() {
     let (mut supervisor, process) =
-        supervise("trap '' TERM; echo ready; while :; do sleep 0.02; done");
-    assert_eq!(
-        next(&mut supervisor),
-        ProcessEvent::Line(process, "ready".to_owned())
-    );
+        supervise_until_ready("trap '' TERM; echo ready; while :; do sleep 0.02; done");
     let entry = proc_entry(&supervisor, process);
     assert!(entry.exists());
     assert_eq!(supervisor.stop(Duration::from_millis(200)), ["module 7"]);
@@ -174,12 +174,8 @@ fn processes_that_write_without_end_are_killed_in_time() {
 
 #[test]
 fn dropping_the_supervisor_ends_what_runs() {
-    let (mut supervisor, process) =
-        supervise("trap '' TERM; echo ready; while :; do sleep 0.02; done");
-    assert_eq!(
-        next(&mut supervisor),
-        ProcessEvent::Line(process, "ready".to_owned())
-    );
+    let (supervisor, process) =
+        supervise_until_ready("trap '' TERM; echo ready; while :; do sleep 0.02; done");
     let entry = proc_entry(&supervisor, process);
     drop(supervisor);
     assert!(!entry.exists());
