@@ -89,6 +89,12 @@ export class Drawing {
     return [...new Set(groupOf.values())];
   }
 
+  /** The number of the group of each docked module, by which groups have colours. */
+  groupNumbers() {
+    const docked = this.groups().filter((members) => members.length > 1);
+    return new Map(docked.flatMap((members, number) => members.map(({ id }) => [id, number])));
+  }
+
   /** A change that can be undone. */
   change(edit) {
     this.remember();

@@ -16,27 +16,34 @@ let answer = async (request) => {
   return response.text();
 };
 
-/** Finds the engine, and returns whether a server has it. Without one, it is the file `playground.js` next to the page, which studio/playground/build.sh makes. */
+/**
+ * Finds the engine, and returns the state of the server that has it. Without a server it is the file `playground.js` next to the
+ * page, which studio/playground/build.sh makes, and the state is null.
+ */
 export async function findEngine() {
-  const state = await fetch("api/state").catch(() => null);
-  if (state?.ok) return true;
+  const response = await fetch("api/state").catch(() => null);
+  if (response?.ok) return response.json();
   const worker = new Worker("engine_worker.js", { type: "module" });
   const waiting = new Map();
+  const fail = ({ message }) => {
+    for (const { failed } of waiting.values()) failed(new Error(message || "the engine of this page cannot be loaded"));
+    waiting.clear();
+  };
+  worker.addEventListener("error", fail);
+  worker.addEventListener("message", ({ data: [number, answered] }) => {
+    waiting.get(number)?.done(answered);
+    waiting.delete(number);
+  });
+  const awaited = (number) => new Promise((done, failed) => waiting.set(number, { done, failed }));
   let asked = 0;
-  await new Promise((ready, failed) => {
-    worker.addEventListener("error", ({ message }) => failed(new Error(message || "the engine of this page cannot be loaded")));
-    worker.addEventListener("message", ({ data: [number, answered] }) => {
-      if (number === 0) ready();
-      waiting.get(number)?.(answered);
-      waiting.delete(number);
-    });
-  });
-  answer = (request) => new Promise((done) => {
+  answer = (request) => {
     asked += 1;
-    waiting.set(asked, done);
     worker.postMessage([asked, request]);
-  });
-  return false;
+    return awaited(asked);
+  };
+  // It says so when it is loaded.
+  await awaited(0);
+  return null;
 }
 
 /** Asks for something, and returns it; throws `Refused`. */

@@ -20,11 +20,12 @@ export class Film {
     this.clock = data.clock;
     this.steps = data.steps;
     this.links = data.links;
-    this.modules = data.modules.map(({ id, track, path = [], phases }) => ({
+    this.modules = data.modules.map(({ id, track, phases }) => ({
       id, phases,
       track: track.map(([at, x, y, turn]) => [at, { ...place(x, y), theta: (-turn * Math.PI) / 180 }]),
-      path: path.map(([x, y]) => place(x, y)),
     }));
+    const paths = data.modules.map(({ path = [] }) => path.map(([x, y]) => place(x, y)));
+    this.paths = paths.filter((path) => path.length > 1);
   }
 
   /** The modules at a time, with their phases and links, and the sentence of the last step. */
@@ -46,7 +47,7 @@ export class Film {
       if (at > time) break;
       caption = text;
     }
-    return { modules, links, caption, paths: this.modules.filter(({ path }) => path.length > 1).map(({ path }) => path) };
+    return { modules, links, caption, paths: this.paths };
   }
 
   /** The recorded seconds at a time of the film. */

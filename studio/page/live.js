@@ -7,13 +7,13 @@ const LOG_MAX = 200;
 const part = (id) => document.getElementById(id);
 
 export class Live {
-  /** `current` gives the text of what is drawn, `show` is called when there is something new to show. */
-  constructor(drawing, stage, show, tell) {
-    Object.assign(this, { drawing, stage, show, tell, chosen: null, running: false, readOnly: true });
+  /** `text` gives the scenario file of what is drawn, `show` shows what is new, and `say` says what went wrong. */
+  constructor(drawing, { text, show, say }) {
+    Object.assign(this, { drawing, text, show, say, chosen: null, running: false, readOnly: true });
     this.reset();
     const orders = {
       run: () => this.start(),
-      "next-target": () => this.send("run/target", { yaml: this.text() }),
+      "next-target": () => this.sendDrawn("run/target"),
       stop: () => this.send("run/stop"),
       resume: () => this.send("run/resume"),
       end: () => this.send("run/end"),
@@ -23,59 +23,41 @@ export class Live {
     for (const [id, act] of Object.entries(orders)) part(id).addEventListener("click", act);
   }
 
-  text() {
-    return JSON.stringify(this.drawing.scenario());
-  }
-
   reset() {
     this.modules = new Map();
     this.dead = new Set();
     this.progress = null;
     this.verdict = null;
     this.stageText = "";
-    this.group();
+    this.groups = this.drawing.groupNumbers();
   }
 
-  /** The groups of what is drawn, which have a colour each. */
-  group() {
-    this.groups = new Map();
-    this.drawing.groups().filter((members) => members.length > 1).forEach((members, index) => {
-      for (const { id } of members) this.groups.set(id, index);
-    });
-  }
-
-  /** Begins to listen, if there is a server. */
-  async connect() {
-    let state;
-    try {
-      const response = await fetch("api/state");
-      state = response.ok ? await response.json() : null;
-    } catch {
-      state = null;
-    }
-    if (!state) return null;
+  /** Begins to listen. A connection that is lost is made again, and begins with the state. */
+  connect() {
     part("live").hidden = false;
-    // A connection that is lost is made again, and begins with the state.
     const events = new EventSource("api/events");
     events.addEventListener("message", ({ data }) => this.take(JSON.parse(data)));
-    this.refresh();
-    return state;
   }
 
+  /** Sends an order; `body` may be awaited. */
   async send(path, body) {
+    this.say("");
     try {
-      await order(path, body);
-      this.note("");
+      await order(path, await body);
     } catch (error) {
-      this.note(error.message);
+      this.say(error.message);
     }
+  }
+
+  /** Sends an order about what is drawn. */
+  sendDrawn(path) {
+    return this.send(path, this.text().then((yaml) => ({ yaml })));
   }
 
   async start() {
     this.reset();
-    this.show();
     part("run").disabled = true;
-    await this.send("run", { yaml: this.text() });
+    await this.sendDrawn("run");
     this.refresh();
   }
 
@@ -95,7 +77,7 @@ export class Live {
   }
 
   takeState(state) {
-    if (state.yaml && !this.running) this.group();
+    if (!this.running) this.groups = this.drawing.groupNumbers();
     this.readOnly = state.read_only;
     this.running = state.running;
     this.stageText = state.running ? state.stage : "";
@@ -121,10 +103,6 @@ export class Live {
     line.textContent = text;
     part("log").append(line);
     while (part("log").childElementCount > LOG_MAX) part("log").firstElementChild.remove();
-  }
-
-  note(text) {
-    this.tell(text);
   }
 
   /** What happens, drawn and in words; at most once a frame. */

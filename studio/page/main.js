@@ -18,7 +18,14 @@ let films = [null, null];
 let findings = [];
 let asked = 0;
 
-const live = new Live(drawing, stage, () => render(), (text) => { part("caption").textContent = text; });
+/** Says what went wrong, until something else is done. */
+const say = (text) => { part("message").textContent = text; };
+/** What is drawn, for the engine: with the policy that is chosen. */
+const drawnFields = (policy = part("policy").value) => ({ text: JSON.stringify(drawing.scenario()), ...(policy ? { policy } : {}) });
+/** The scenario file of what is drawn. */
+const scenarioFile = async () => (await ask("write", drawnFields())).text;
+
+const live = new Live(drawing, { text: scenarioFile, show: () => render(), say });
 const player = new Player(() => render());
 /** Nothing is drawn while a film or a run is shown. */
 const isLocked = () => player.time != null || isWatching();
@@ -37,42 +44,29 @@ const editor = new Editor(stage, drawing, {
 /** The scene of what is drawn. */
 function drawn() {
   const { spots, edges, modules, links, obstacles, rest } = drawing.now;
-  const colours = new Map();
-  drawing.groups().filter((members) => members.length > 1).forEach((members, index) => {
-    for (const { id } of members) colours.set(id, index);
-  });
+  const groups = drawing.groupNumbers();
   const kinds = { error: "bad", warning: "warn" };
-  const marks = findings.flatMap(({ severity, modules: named, spots: places }) => [
-    ...modules.filter(({ id }) => named.includes(id)), ...spots.filter(({ id }) => places.includes(id)),
-  ].map(({ x, y }) => ({ x, y, kind: kinds[severity] })));
-  return {
-    spots, edges, obstacles, links, marks, arena: rest.arena, cursor: editor.cursor,
-    modules: modules.map((module) => ({ ...module, colour: groupColour(colours.get(module.id)) })), colours,
-  };
+  const marks = findings.flatMap((finding) => [
+    ...modules.filter(({ id }) => finding.modules.includes(id)), ...spots.filter(({ id }) => finding.spots.includes(id)),
+    ...obstacles.filter((_, index) => finding.obstacles.includes(index)),
+  ].map(({ x, y }) => ({ x, y, kind: kinds[finding.severity] })));
+  const coloured = (module) => ({ ...module, colour: groupColour(groups.get(module.id)), settled: module.phase === "SETTLED" });
+  return { spots, edges, obstacles, links, marks, arena: rest.arena, cursor: editor.cursor, modules: modules.map(coloured), coloured };
 }
 
 function render() {
   const base = drawn();
-  const frame = (film) => {
-    const { modules, links, paths } = film.at(Math.min(player.time, film.length));
-    return {
-      ...base, links, paths, marks: [],
-      modules: modules.map((module) => ({ ...module, colour: groupColour(base.colours.get(module.id)), settled: module.phase === "SETTLED" })),
-    };
-  };
   const [film, other] = films;
-  if (player.time != null && film) {
-    stage.show(frame(film));
-    part("caption").textContent = film.at(player.time).caption;
-    if (other) second.show(frame(other));
-  } else if (isWatching()) {
-    stage.show({ ...base, ...live.scene() });
-    if (other) second.show(base);
-  } else {
-    stage.show(base);
-    if (other) second.show(base);
-    if (part("caption").textContent && player.film === film) part("caption").textContent = "";
-  }
+  const play = (shown, onto) => {
+    const { modules, links, paths, caption } = shown.at(Math.min(player.time, shown.length));
+    onto.show({ ...base, links, paths, marks: [], modules: modules.map(base.coloured) });
+    return caption;
+  };
+  const isPlaying = player.time != null && film;
+  part("caption").textContent = isPlaying ? play(film, stage) : "";
+  if (isPlaying && other) play(other, second);
+  else if (other) second.show(base);
+  if (!isPlaying) stage.show(isWatching() ? { ...base, ...live.scene() } : base);
 }
 
 function listFindings(list) {
@@ -113,10 +107,8 @@ async function plan() {
     outcome.textContent = spots.length === 0 ? "Draw the spots of the target." : "Draw the modules that are to form it.";
     return;
   }
-  const text = JSON.stringify(drawing.scenario());
-  const [policy, beside] = [part("policy").value, part("beside").value];
-  const fields = policy ? { text, policy } : { text };
-  const answers = [ask("plan", fields), ...(beside ? [ask("plan", { text, policy: beside })] : [])];
+  const beside = part("beside").value;
+  const answers = [ask("plan", drawnFields()), ...(beside ? [ask("plan", drawnFields(beside))] : [])];
   const [one, other] = await Promise.allSettled(answers);
   if (number !== asked) return;
   if (one.status === "rejected") {
@@ -125,7 +117,7 @@ async function plan() {
     outcome.className = "outcome bad";
     outcome.textContent = "There is no plan.";
     tabulate([]);
-    listFindings([{ severity: "error", text: one.reason.message, ...(one.reason.place ?? { modules: [], spots: [] }) }]);
+    listFindings([{ severity: "error", text: one.reason.message, ...(one.reason.place ?? { modules: [], spots: [], obstacles: [] }) }]);
   } else {
     const planned = [one, other].filter((it) => it?.status === "fulfilled").map((it) => it.value);
     films = [new Film(planned[0].film), planned[1] ? new Film(planned[1].film) : null];
@@ -147,8 +139,8 @@ let timer = null;
 drawing.listeners.push(() => {
   part("undo").disabled = drawing.past.length === 0;
   part("redo").disabled = drawing.future.length === 0;
+  say("");
   player.leave();
-  render();
   clearTimeout(timer);
   timer = setTimeout(plan, PLAN_DELAY_MS);
 });
@@ -163,7 +155,6 @@ function fit() {
 async function read(text) {
   const { scenario } = await ask("read", { text });
   drawing.load(scenario);
-  drawing.shown = true;
   fit();
 }
 
@@ -190,16 +181,16 @@ function download(name, kind, content) {
 /** Runs an action of a button, and says what went wrong. */
 function onClick(id, act) {
   part(id).addEventListener("click", async () => {
+    say("");
     try {
       await act();
     } catch (error) {
-      part("caption").textContent = error.message;
+      say(error.message);
     }
   });
 }
 
 const name = () => (drawing.now.rest.name || "formation").replace(/[^\w-]+/g, "_").slice(0, 60);
-const policyFields = () => (part("policy").value ? { policy: part("policy").value } : {});
 onClick("undo", () => drawing.undo());
 onClick("redo", () => drawing.redo());
 onClick("clear", () => {
@@ -215,13 +206,10 @@ onClick("clear", () => {
 onClick("fit", fit);
 onClick("zoom-in", () => [stage, second].forEach((one) => one.zoom(1.25)));
 onClick("zoom-out", () => [stage, second].forEach((one) => one.zoom(0.8)));
-onClick("export-yaml", async () => {
-  const { text } = await ask("write", { text: JSON.stringify(drawing.scenario()) });
-  download(`${name()}.yaml`, "text/yaml", text);
-});
+onClick("export-yaml", async () => download(`${name()}.yaml`, "text/yaml", await scenarioFile()));
 onClick("export-svg", async () => {
-  const { figure } = await ask("pictures", { text: JSON.stringify(drawing.scenario()), ...policyFields() });
-  download(`${name()}.svg`, "image/svg+xml", figure);
+  const { svg } = await ask("figure", drawnFields());
+  download(`${name()}.svg`, "image/svg+xml", svg);
 });
 onClick("export-png", () => new Promise((done) => {
   stage.draw();
@@ -267,7 +255,7 @@ async function simulate() {
   ending.textContent = "simulating…";
   part("simulate").disabled = true;
   try {
-    const run = await ask("simulate", { text: JSON.stringify(drawing.scenario()), seed: Number.isFinite(seed) ? seed : 1, faults });
+    const run = await ask("simulate", { ...drawnFields(), seed: Number.isFinite(seed) ? seed : 1, faults });
     const broken = run.violations.length ? `; broken: ${run.violations.join("; ")}` : ", no promise broken";
     ending.textContent = `${run.ending}, ${run.recovery_s.toFixed(1)} s after the last fault, in ${run.epochs} epoch${run.epochs === 1 ? "" : "s"}${broken}`;
     ending.className = run.violations.length ? "bad" : "";
@@ -301,15 +289,15 @@ part("scenarios").addEventListener("change", async ({ target }) => {
   }
 });
 
-const hasServer = await findEngine();
+const state = await findEngine();
 const scenarios = (await ask("scenarios")).scenarios;
 part("scenarios").append(...scenarios.map(({ name: value }) => new Option(value, value)));
-const { policies, faults } = await ask("policies");
+const { policies, faults } = await ask("choices");
 part("faults").append(...faults.map((kind) => new Option(kind, kind)));
 const choosable = policies.filter((policy) => policy.name !== "given");
 part("policy").append(new Option("as in the file", ""), ...choosable.map((policy) => new Option(policy.name, policy.name)));
 part("beside").append(...choosable.map((policy) => new Option(policy.name, policy.name)));
-const state = hasServer ? await live.connect() : null;
+if (state) live.connect();
 if (state?.yaml) await read(state.yaml);
 else fit();
 drawing.past = [];

@@ -88,6 +88,15 @@ def drawn(program, domain, scenarios):
             say(loaded=name, equal=studio.scenario() == before)
         studio.choose("scenarios", "singletons_10")
         studio.await_plan("10 of 10")
+        studio.choose("policy", "auction")
+        studio.browser.run("""
+            window.written = null;
+            URL.createObjectURL = (blob) => { blob.text().then((text) => { window.written = text; }); return "#"; };
+            document.getElementById("export-yaml").click();
+        """)
+        written = studio.wait("the exported file", "return window.written")
+        say(policy='"policy":"auction"' in written)
+        studio.choose("policy", "")
         studio.choose("faults", "mixed")
         studio.browser.click("#simulate")
         ending = studio.wait("the end of the simulated run", """
@@ -101,7 +110,9 @@ def drawn(program, domain, scenarios):
         studio.draw("spot", (9, 4))
         studio.draw("module", (0, 0))
         text = studio.wait("what is wrong", 'return document.querySelector("#findings .error")?.textContent')
-        say(wrong=text)
+        studio.browser.click("#run")
+        refused = studio.wait("the refusal of a run", 'return document.getElementById("message").textContent')
+        say(wrong=text, refused=refused)
         studio.browser.press("Tab")
         studio.browser.run('document.getElementById("ground").focus()')
         before = len(studio.scenario()["target"]["spots"])

@@ -62,15 +62,16 @@ fn shipped_scenarios_are_shown_and_exported_and_errors_are_marked() {
         "{loaded:?}"
     );
     let wrong = "target.edges: the target is disconnected; spot 8 cannot be reached from spot 1";
-    let ending = rest[0]["simulated"].as_str().unwrap();
+    assert_eq!(rest[0], &json!({ "policy": true }));
+    let ending = rest[1]["simulated"].as_str().unwrap();
     assert!(ending.ends_with("no promise broken"), "{ending}");
-    assert_eq!(rest[0]["events"], true);
+    assert_eq!(rest[1]["events"], true);
     let expected = [
-        json!({ "wrong": wrong }),
+        json!({ "wrong": wrong, "refused": wrong }),
         json!({ "by_keyboard": 2 }),
         json!({ "after_undo": 1, "faults": [] }),
     ];
-    assert_eq!(rest[1..], expected.iter().collect::<Vec<_>>());
+    assert_eq!(rest[2..], expected.iter().collect::<Vec<_>>());
 }
 
 #[test]

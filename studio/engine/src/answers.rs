@@ -1,26 +1,18 @@
 //! The answers.
 
+use std::sync::Arc;
+
 use formation_model::{Policy, PolicyEntry, RawScenario, Scenario};
-use formation_offline::{CheckedPlan, campaign_parameters, oddities, problem_under, to_yaml};
+use formation_offline::{CheckedPlan, as_in_a_file, campaign_parameters, oddities, whole_yaml};
 use formation_planner::PlanSize;
-use formation_report::film;
+use formation_report::{figure, film};
 use formation_sim::{Ending, FaultKind, run_seed};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::Refusal;
 use crate::findings::{Finding, Named};
-use crate::request::{EngineRequest, SCENARIO_BYTES_MAX};
+use crate::request::{Drawn, EngineRequest, SCENARIO_BYTES_MAX};
 use crate::scenarios::SHIPPED;
-
-/// The sections that `to_yaml` writes.
-const LISTS: [&str; 6] = [
-    "name",
-    "target",
-    "configurations",
-    "singletons",
-    "given",
-    "in_parts",
-];
 
 /// The moments of a figure.
 const FIGURE_PERCENTS: [u32; 4] = [0, 25, 50, 100];
@@ -35,38 +27,35 @@ const SIMULATED_HERE_MAX: usize = 60;
 pub fn of(request: &EngineRequest) -> Result<Value, Refusal> {
     match request {
         EngineRequest::Scenarios => Ok(json!({ "scenarios": SHIPPED })),
-        EngineRequest::Policies => {
+        EngineRequest::Choices => {
             let entries: Vec<PolicyEntry> = Policy::all().map(|(_, entry)| entry).collect();
             let faults: Vec<&str> = FaultKind::NAMED.iter().map(|(name, _)| *name).collect();
             Ok(json!({ "policies": entries, "faults": faults }))
         }
-        EngineRequest::Read { text } => {
-            let raw = raw(text)?;
-            let findings = match Scenario::try_from(raw.clone()) {
-                Ok(_) => Vec::new(),
-                Err(error) => vec![Finding::from(&error)],
-            };
-            Ok(json!({ "scenario": as_value(&raw)?, "findings": findings }))
+        EngineRequest::Read(drawn) => {
+            let scenario = as_in_a_file(&raw(drawn)?);
+            Ok(json!({ "scenario": scenario.map_err(|error| Refusal::of(&error))? }))
         }
-        EngineRequest::Write { text } => Ok(json!({ "text": written(&raw(text)?)? })),
-        EngineRequest::Check { text } => Ok(json!({ "findings": findings(text) })),
-        EngineRequest::Plan { text, policy } => {
-            let scenario = scenario(text)?;
-            let plan = planned(&scenario, policy.as_deref())?;
-            Ok(shown(&scenario, &plan))
+        EngineRequest::Write(drawn) => {
+            let text = whole_yaml(&raw(drawn)?);
+            Ok(json!({ "text": text.map_err(|error| Refusal::of(&error))? }))
         }
-        EngineRequest::Simulate { text, seed, faults } => simulated(text, *seed, faults),
-        EngineRequest::Pictures { text, policy } => {
-            let scenario = scenario(text)?;
-            let plan = planned(&scenario, policy.as_deref())?;
+        EngineRequest::Plan(drawn) => {
+            let scenario = scenario(drawn)?;
+            Ok(shown(&scenario, &planned(&scenario)?))
+        }
+        EngineRequest::Figure(drawn) => {
+            let scenario = scenario(drawn)?;
+            let plan = planned(&scenario)?;
             let course = plan.course();
             let subject = plan.subject(scenario.name(), &course);
-            Ok(json!({
-                "before": formation_report::before(&subject),
-                "after": formation_report::after(&subject),
-                "figure": formation_report::figure(&subject, &course, &FIGURE_PERCENTS),
-            }))
+            Ok(json!({ "svg": figure(&subject, &course, &FIGURE_PERCENTS) }))
         }
+        EngineRequest::Simulate {
+            drawn,
+            seed,
+            faults,
+        } => simulated(drawn, *seed, faults),
     }
 }
 
@@ -78,33 +67,35 @@ impl Refusal {
     }
 }
 
-fn raw(text: &str) -> Result<RawScenario, Refusal> {
+/// A scenario that is drawn, under the policy that is chosen.
+fn raw(drawn: &Drawn) -> Result<RawScenario, Refusal> {
+    let Drawn { text, policy } = drawn;
     if text.len() > SCENARIO_BYTES_MAX {
         return Err(Refusal::of(&format!(
             "the scenario has {} bytes; at most {SCENARIO_BYTES_MAX} are read",
             text.len()
         )));
     }
-    RawScenario::from_yaml(text).map_err(|error| Refusal::of(&error))
+    let mut raw = RawScenario::from_yaml(text).map_err(|error| Refusal::of(&error))?;
+    if let Some(name) = policy {
+        let policy = Policy::named(name).ok_or_else(|| {
+            let names = Policy::NAMES;
+            Refusal::of(&format!("there is no policy `{name}`; there are {names}"))
+        })?;
+        raw.planner = raw.planner.under(policy);
+        // No other policy has an allocation that the target gives.
+        raw.given = raw.given.filter(|_| policy == Policy::Given);
+    }
+    Ok(raw)
 }
 
-fn scenario(text: &str) -> Result<Scenario, Refusal> {
-    Scenario::try_from(raw(text)?).map_err(|error| Refusal::of(&error))
+fn scenario(drawn: &Drawn) -> Result<Scenario, Refusal> {
+    Scenario::try_from(raw(drawn)?).map_err(|error| Refusal::of(&error))
 }
 
 /// The plan of a scenario that may be planned while somebody waits for it.
-fn planned(scenario: &Scenario, policy: Option<&str>) -> Result<CheckedPlan, Refusal> {
-    let policy = policy
-        .map(|name| {
-            Policy::named(name).ok_or_else(|| {
-                Refusal::of(&format!(
-                    "there is no policy `{name}`; there are {}",
-                    Policy::NAMES
-                ))
-            })
-        })
-        .transpose()?;
-    let problem = problem_under(scenario, policy).map_err(|reason| Refusal::of(&reason))?;
+fn planned(scenario: &Scenario) -> Result<CheckedPlan, Refusal> {
+    let problem = Arc::new(scenario.problem().clone());
     PlanSize::of(&problem)
         .check()
         .map_err(|reason| Refusal::of(&reason))?;
@@ -116,14 +107,10 @@ fn shown(scenario: &Scenario, plan: &CheckedPlan) -> Value {
     let course = plan.course();
     let subject = plan.subject(scenario.name(), &course);
     let summary = plan.summary();
-    let mut findings: Vec<Finding> = oddities(&plan.problem)
-        .iter()
-        .chain(&plan.warnings())
-        .map(|text| Finding::warning(text))
-        .collect();
-    let unmovable = plan.unmovable_text();
-    findings.extend(unmovable.iter().map(|text| Finding::error(text)));
-    findings.extend(plan.hole_text().map(|text| Finding::error(&text)));
+    let errors = plan.unmovable_text().into_iter().chain(plan.hole_text());
+    let errors = errors.map(|text| Finding::error(&text));
+    let warnings = oddities(&plan.problem).into_iter().chain(plan.warnings());
+    let findings = errors.chain(warnings.map(|text| Finding::warning(&text)));
     let facts = plan.facts();
     let numbers: Vec<Value> = facts
         .iter()
@@ -133,18 +120,18 @@ fn shown(scenario: &Scenario, plan: &CheckedPlan) -> Value {
         "outcome": summary.outcome,
         "policy": plan.problem.parameters().policy.name(),
         "numbers": numbers,
-        "findings": findings,
+        "findings": findings.collect::<Vec<Finding>>(),
         "film": film(&subject, &course, &summary.outcome),
         "plan": plan.whole_report(None),
     })
 }
 
 /// A run of a scenario under virtual time, with the faults that a seed draws.
-fn simulated(text: &str, seed: u64, faults: &str) -> Result<Value, Refusal> {
+fn simulated(drawn: &Drawn, seed: u64, faults: &str) -> Result<Value, Refusal> {
     let faults: FaultKind = faults
         .parse()
         .map_err(|error: String| Refusal::of(&format!("faults: {error}")))?;
-    let scenario = scenario(text)?;
+    let scenario = scenario(drawn)?;
     let modules = scenario.problem().modules().len();
     if modules > SIMULATED_HERE_MAX {
         return Err(Refusal::of(&format!(
@@ -154,7 +141,7 @@ fn simulated(text: &str, seed: u64, faults: &str) -> Result<Value, Refusal> {
     scenario
         .check_formable()
         .map_err(|error| Refusal::of(&error))?;
-    let plan = planned(&scenario, None)?;
+    let plan = planned(&scenario)?;
     if let Some(reason) = plan.unmovable_text() {
         return Err(Refusal::of(&reason));
     }
@@ -176,54 +163,6 @@ fn simulated(text: &str, seed: u64, faults: &str) -> Result<Value, Refusal> {
         "violations": violations.collect::<Vec<String>>(),
         "events": lines.collect::<Vec<String>>(),
     }))
-}
-
-/// What `formation check` says, errors first.
-fn findings(text: &str) -> Vec<Finding> {
-    let checked: Result<CheckedPlan, Refusal> =
-        scenario(text).and_then(|scenario| planned(&scenario, None));
-    match checked {
-        Err(refusal) => vec![Finding::error(&refusal.text)],
-        Ok(plan) => {
-            let errors = plan.unmovable_text().into_iter().chain(plan.hole_text());
-            let errors = errors.map(|text| Finding::error(&text));
-            let warnings = oddities(&plan.problem);
-            let warnings = warnings.into_iter().chain(plan.warnings());
-            errors
-                .chain(warnings.map(|text| Finding::warning(&text)))
-                .collect()
-        }
-    }
-}
-
-/// A scenario as the lists of a file.
-fn as_value(raw: &RawScenario) -> Result<Value, Refusal> {
-    let mut whole = serde_json::to_value(raw).map_err(|reason| Refusal::of(&reason))?;
-    if let Some(fields) = whole.as_object_mut() {
-        let mut in_target = Map::new();
-        if let Some(Value::Object(given)) = fields.remove("given") {
-            in_target.extend(given);
-        }
-        if let Some(in_parts) = fields.remove("in_parts") {
-            in_target.insert("in_parts".to_owned(), in_parts);
-        }
-        if let Some(target) = fields.get_mut("target").and_then(Value::as_object_mut) {
-            target.extend(in_target);
-        }
-    }
-    Ok(whole)
-}
-
-/// A scenario file as people write it; sections other than the lists are written as JSON, which is YAML.
-fn written(raw: &RawScenario) -> Result<String, Refusal> {
-    let mut text = to_yaml(raw);
-    let whole = serde_json::to_value(raw).map_err(|reason| Refusal::of(&reason))?;
-    for (section, value) in whole.as_object().into_iter().flatten() {
-        if !LISTS.contains(&section.as_str()) {
-            text.push_str(&format!("{section}: {value}\n"));
-        }
-    }
-    Ok(text)
 }
 
 #[cfg(test)]
@@ -251,7 +190,6 @@ mod tests {
                 shown["plan"].take()
             };
             let read = ok(&json!({ "call": "read", "text": shipped.text }));
-            assert_eq!(read["findings"], json!([]), "{}", shipped.name);
             let drawn = read["scenario"].to_string();
             let written = ok(&json!({ "call": "write", "text": drawn }));
             let written = written["text"].as_str().unwrap();
@@ -266,16 +204,26 @@ mod tests {
 target: {spots: [{id: 1, x: 0.0, y: 0.0}, {id: 2, x: 1.0, y: 0.0}], edges: [[1, 2]]}
 singletons: [{id: 4, x: 3.0, y: 3.0}, {id: 5, x: 3.2, y: 3.0}]
 ";
-        let checked = ok(&json!({ "call": "check", "text": text }));
-        assert_eq!(
-            checked["findings"][0]["modules"],
-            json!([4, 5]),
-            "{checked}"
-        );
+        let shown = ok(&json!({ "call": "plan", "text": text }));
+        assert_eq!(shown["findings"][0]["modules"], json!([4, 5]), "{shown}");
         let twice = text.replace("id: 5", "id: 4");
-        let checked = ok(&json!({ "call": "check", "text": twice }));
-        assert_eq!(checked["findings"][0]["severity"], "error", "{checked}");
-        assert_eq!(checked["findings"][0]["modules"], json!([4]), "{checked}");
+        let refused = error(&json!({ "call": "plan", "text": twice }));
+        assert_eq!(refused["modules"], json!([4]), "{refused}");
+    }
+
+    #[test]
+    fn the_policy_that_is_chosen_is_in_the_plan_and_in_the_file() {
+        for shipped in SHIPPED {
+            for policy in ["exact", "paper", "auction"] {
+                let asked = |call: &str| {
+                    ok(&json!({ "call": call, "text": shipped.text, "policy": policy }))
+                };
+                assert_eq!(asked("plan")["policy"], policy, "{}", shipped.name);
+                let written = asked("write");
+                let again = ok(&json!({ "call": "plan", "text": written["text"] }));
+                assert_eq!(again["policy"], policy, "{}", shipped.name);
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! What is wrong with a drawing, and which modules, spots and boxes it is about.
 
-use formation_model::ScenarioError;
 use serde::Serialize;
 
 /// What a sentence is about.
@@ -53,12 +52,6 @@ impl Finding {
             text: text.to_owned(),
             place: Named::named_in(text),
         }
-    }
-}
-
-impl From<&ScenarioError> for Finding {
-    fn from(error: &ScenarioError) -> Self {
-        Self::error(&error.to_string())
     }
 }
 

@@ -8,53 +8,41 @@ use crate::findings::Named;
 /// The longest scenario that is read, in bytes.
 pub const SCENARIO_BYTES_MAX: usize = 4 * 1024 * 1024;
 
+/// What is drawn.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Drawn {
+    /// The scenario, as YAML or JSON.
+    pub text: String,
+    /// Another policy than that of the scenario.
+    #[serde(default)]
+    pub policy: Option<String>,
+}
+
 /// What the page asks.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(tag = "call", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "call", rename_all = "snake_case")]
 pub enum EngineRequest {
     /// The shipped scenarios.
     Scenarios,
-    /// The policies, and the kinds of faults.
-    Policies,
+    /// The policies and the kinds of faults that there are.
+    Choices,
     /// A scenario file as lists.
-    Read {
-        /// YAML or JSON.
-        text: String,
-    },
-    /// A drawing as a scenario file.
-    Write {
-        /// YAML or JSON.
-        text: String,
-    },
-    /// What is wrong with a scenario, or looks like a mistake.
-    Check {
-        /// YAML or JSON.
-        text: String,
-    },
-    /// The plan of a scenario, with its film.
-    Plan {
-        /// YAML or JSON.
-        text: String,
-        /// Another policy than that of the scenario.
-        #[serde(default)]
-        policy: Option<String>,
-    },
-    /// A simulated run of a scenario with faults.
+    Read(Drawn),
+    /// The scenario file of a drawing.
+    Write(Drawn),
+    /// The plan, its film, and what is wrong or odd.
+    Plan(Drawn),
+    /// Four moments of the plan in a row, as SVG.
+    Figure(Drawn),
+    /// A simulated run with faults.
     Simulate {
-        /// YAML or JSON.
-        text: String,
+        /// What runs.
+        #[serde(flatten)]
+        drawn: Drawn,
         /// What decides everything that is drawn at random.
         seed: u64,
         /// The name of a kind of faults.
         faults: String,
-    },
-    /// Pictures of a plan, as SVG.
-    Pictures {
-        /// YAML or JSON.
-        text: String,
-        /// Another policy than that of the scenario.
-        #[serde(default)]
-        policy: Option<String>,
     },
 }
 
