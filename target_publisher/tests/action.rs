@@ -115,13 +115,25 @@ async fn send_goal(client: &FormConfiguration) -> (GoalId, SendGoalResponse) {
     }
 }
 
+/// Asks anew now and then: the wait of the library looks at what is matched only when an endpoint is declared, and sleeps on
+/// where the match itself comes after the last of these.
+async fn wait_for_services(client: &FormConfiguration, node: &Node) {
+    loop {
+        let all = async {
+            client.goal_client().wait_for_service(node).await;
+            client.cancel_client().wait_for_service(node).await;
+            client.result_client().wait_for_service(node).await;
+        };
+        let all = std::pin::pin!(all.fuse());
+        let late = std::pin::pin!(FutureExt::fuse(Timer::after(PATIENCE / 40)));
+        if let Either::Left(_) = futures::future::select(all, late).await {
+            return;
+        }
+    }
+}
+
 async fn drive(client: &FormConfiguration, node: &Node, publisher: &Running) {
-    let services = async {
-        client.goal_client().wait_for_service(node).await;
-        client.cancel_client().wait_for_service(node).await;
-        client.result_client().wait_for_service(node).await;
-    };
-    within("a service", publisher, services).await;
+    within("a service", publisher, wait_for_services(client, node)).await;
     let (goal, response) = within("the answer to the goal", publisher, send_goal(client)).await;
     assert!(response.accepted);
     let mut feedback = Box::pin(client.feedback_stream(goal));
