@@ -139,6 +139,7 @@ impl Host {
     ) {
         let mut agent = Agent::new(identity.clone(), self.parameters, now)
             .in_service(service)
+            .with_position_tolerance(self.motion.external.position_tolerance)
             .started_at(stamp::incarnation().0)
             .with_plans_of_host()
             .with_shared_samples();

@@ -100,6 +100,7 @@ enumeration! {
         DRIVE_STANDING STANDING 1 = Standing,
         DRIVE_MOVING MOVING 2 = Moving,
         DRIVE_FOLDING FOLDING 3 = Folding,
+        DRIVE_DISPLACED DISPLACED 4 = Displaced,
     }
 }
 

@@ -79,6 +79,9 @@ pub enum DriveState {
     Moving,
     /// The module moves straight on in a step in which its unit folds, so modules of the unit may overlap.
     Folding,
+    /// The module halts, measured off the way that its plan lets it take: it was pushed or carried, or its localisation is off. How
+    /// it came there is not known.
+    Displaced,
 }
 
 /// When a state held. An agent counts from the start of its own clock, a message from 1970-01-01 UTC by the clock of its

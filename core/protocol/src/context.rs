@@ -10,8 +10,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    ConfigurationId, Digest, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember,
-    STAMP_AHEAD_MAX, Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter, digest,
+    ConfigurationId, Digest, Epoch, Message, MicroUnits, ModuleId, ModuleRun, PlanningModule,
+    RosterMember, STAMP_AHEAD_MAX, Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter,
+    digest,
 };
 
 use bodies::Bodies;
@@ -31,6 +32,12 @@ use super::quorum::Shortfall;
 use super::refusal::Refusal;
 use super::robot::Robot;
 
+/// Within what distance of a goal a drive has arrived if nothing else is said.
+const POSITION_TOLERANCE: MicroUnits = MicroUnits(20_000);
+
+/// How far a module may be off its spot and keep it, unless twice the tolerance of its drive is more.
+const SPOT_LIMIT: MicroUnits = MicroUnits(50_000);
+
 /// Which module this is, and which run of its process.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
@@ -42,6 +49,8 @@ pub(super) struct Own {
     pub leader: Option<ModuleId>,
     /// Whether a driver moves it, and not a simulated drive.
     pub is_robot: bool,
+    /// Within what distance of a goal its drive has arrived.
+    pub position_tolerance: MicroUnits,
     /// Whether its heartbeats fall due at multiples of their period, with those of other modules on the same clock.
     pub shares_samples: bool,
     /// When this run started.
@@ -81,6 +90,7 @@ impl Context {
                 configuration: identity.configuration,
                 leader: identity.leader,
                 is_robot: false,
+                position_tolerance: POSITION_TOLERANCE,
                 shares_samples: false,
                 started: now,
             },
@@ -208,7 +218,26 @@ impl Context {
     /// Enforces P1.
     pub fn pin_for(&self, target: impl FnOnce() -> Digest) -> Option<SpotId> {
         let settled = self.robot.settled_on?;
-        (settled.target == target()).then_some(settled.spot)
+        let is_of_target = settled.target == target();
+        let stays = !self.is_off_spot(settled.spot) || !self.robot.is_localised;
+        (is_of_target && stays).then_some(settled.spot)
+    }
+
+    /// How far a settled module may be off its spot.
+    pub fn spot_limit(&self) -> MicroUnits {
+        SPOT_LIMIT.max(MicroUnits(2 * self.own.position_tolerance.0))
+    }
+
+    /// Whether the module is measured off a spot of the known target.
+    fn is_off_spot(&self, spot: SpotId) -> bool {
+        let announcement = self.target.announcement();
+        let target = announcement.and_then(|announcement| announcement.target.as_ref());
+        let place = target.and_then(|target| target.spot(spot));
+        place.is_some_and(|place| {
+            let limit = self.spot_limit();
+            let pose = &self.robot.pose;
+            pose.distance_to(&place.pose) > limit || pose.heading_difference(&place.pose) > limit
+        })
     }
 
     /// This module as it announced itself when it froze for a plan for the target with this digest.

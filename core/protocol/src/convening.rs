@@ -35,10 +35,15 @@ impl Agent {
             context.pacing.end_listening(context.now);
         }
         let own = context.module();
-        let delay = (live.iter().take_while(|voter| voter.module < own))
-            .fold(Duration::ZERO, |delay, _| {
-                delay.saturating_add(context.parameters.convene)
-            });
+        // A module that was moved knows best where it stands, so it does not wait for its turn.
+        let is_own = matches!(&reason, EpochReason::Displaced(displaced)
+            if displaced.iter().any(|&(module, _)| module == own));
+        let delay = (live
+            .iter()
+            .take_while(|voter| voter.module < own && !is_own))
+        .fold(Duration::ZERO, |delay, _| {
+            delay.saturating_add(context.parameters.convene)
+        });
         let due = context.pacing.due(context.now, delay);
         let target = context.target.announcement().cloned();
         let shortfall = || context.shortfall_of(&context.memory, &live, target.as_deref());
@@ -109,6 +114,11 @@ impl Stage {
         let is_calm = outside_since.is_none() && context.peers.is_calm(context.now, judged);
         if !is_calm && let Err(verdict) = judge_members(roster, outside_since, context) {
             return verdict;
+        }
+        if let Self::Acting(acting) = self
+            && let Some(reason) = acting.displaced(context)
+        {
+            return Some(reason);
         }
         let stuck = self.stuck_members(context);
         if stuck.contains(&context.module()) {

@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use formation_model::text::joined;
 use formation_model::{
-    AssemblyWarning, BlockedSpot, Digest, Epoch, GivenRefused, Incarnation, ModuleId, Service,
-    SpotId,
+    AssemblyWarning, BlockedSpot, Digest, Epoch, GivenRefused, Incarnation, MicroUnits, ModuleId,
+    Service, SpotId,
 };
 
 use formation_motion::paths::{MotionError, StartFault};
@@ -134,6 +134,22 @@ pub enum Event {
     /// It did not reach its spot in time.
     #[error("did not {} within motion_limit_s", aim(*.0))]
     MotionOverdue(Option<SpotId>),
+    /// It is measured off its way, and halts.
+    #[error(
+        "halted: measured {0} units off the way that its plan lets it take; was it pushed, or is its localisation off?"
+    )]
+    OffPath(MicroUnits),
+    /// It is measured on its way again.
+    #[error("measured on its way again")]
+    BackOnPath,
+    /// It is measured far off its spot, although its ports are locked to modules that stand on theirs.
+    #[error(
+        "localisation lost: measured {0} units off its spot, while its ports are locked to modules that stand on theirs; it stays"
+    )]
+    PortsContradictPose(MicroUnits),
+    /// It halted because these members are measured off their ways.
+    #[error("halted: measured off their ways: modules {}", ids(.0))]
+    KeepingClear(Vec<ModuleId>),
     /// Its drive or ports failed, while it moved to this spot if it was moving; it takes no spot any more.
     #[error("{}its drive or docking ports failed; it takes no spot until it receives the command to rejoin", unreached(*.0))]
     MotionFailed(Option<SpotId>),
@@ -235,6 +251,9 @@ pub enum EpochReason {
     /// Members have been silent for longer than `suspicion_s`.
     #[error("silent for longer than suspicion_s: {}", ids(.0))]
     Silent(Vec<ModuleId>),
+    /// Members were moved by others: they stand off what their plan lets them do, by these distances.
+    #[error("displaced: {}", with_distances(.0))]
+    Displaced(Vec<(ModuleId, MicroUnits)>),
     /// Members have restarted.
     #[error("restarted: {}", ids(.0))]
     Restarted(Vec<ModuleId>),
@@ -287,6 +306,12 @@ fn with_services(modules: &[(ModuleId, Service)]) -> String {
     joined(named, ", ")
 }
 
+fn with_distances(displaced: &[(ModuleId, MicroUnits)]) -> String {
+    let named = displaced.iter();
+    let named = named.map(|(module, distance)| format!("{} by {distance} units", module.0));
+    joined(named, ", ")
+}
+
 fn of_sender(module: Option<ModuleId>) -> String {
     module.map_or_else(String::new, |module| format!(" of {module}"))
 }
@@ -330,6 +355,7 @@ impl Event {
             | Self::GivenRefused(_)
             | Self::InvalidStart(_)
             | Self::WaitingForQuorum(Shortfall::WithoutAgreement(_))
+            | Self::PortsContradictPose(_)
             | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }
@@ -337,6 +363,8 @@ impl Event {
             | Self::RunRenumbered(_)
             | Self::WaitingForQuorum(Shortfall::Majority { .. })
             | Self::AgreementLapsed(_)
+            | Self::OffPath(_)
+            | Self::KeepingClear(_)
             | Self::SpotsLeftOpen(_)
             | Self::SpotsBlocked(_)
             | Self::SpotsCutOff(_)

@@ -59,8 +59,8 @@ pub use quorum::Shortfall;
 pub use refusal::{Refusal, RefusalCounts};
 
 use formation_model::{
-    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Plan, Pose,
-    Service, SourceId, SpotClaim, TargetAnnouncement,
+    Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    Plan, Pose, Service, SourceId, SpotClaim, TargetAnnouncement,
 };
 
 use context::Context;
@@ -127,6 +127,13 @@ impl Agent {
     #[must_use]
     pub fn of_robot(mut self) -> Self {
         self.context.own.is_robot = true;
+        self
+    }
+
+    /// The same agent, whose drive arrives within this distance of its goals.
+    #[must_use]
+    pub fn with_position_tolerance(mut self, tolerance: MicroUnits) -> Self {
+        self.context.own.position_tolerance = tolerance;
         self
     }
 
@@ -406,6 +413,7 @@ impl Agent {
             Ok(true) => {
                 context.note_run(run, holds_plan);
                 self.note_body(run.module);
+                self.stage.follow_place(run.module, &self.context);
                 self.adjust_links_to(run.module);
                 self.handle_bodies_of(run.module);
             }

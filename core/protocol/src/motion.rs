@@ -48,10 +48,13 @@ impl Agent {
             }
             MotionReport::Docked(module) => {
                 body.ports_busy.remove(&module);
+                body.torn_off.remove(&module);
                 body.links.insert(module);
             }
             MotionReport::Undocked(module) => {
-                body.ports_busy.remove(&module);
+                if !body.ports_busy.remove(&module) {
+                    body.torn_off.insert(module);
+                }
                 body.links.remove(&module);
             }
             MotionReport::Failed => {
@@ -127,6 +130,7 @@ impl Agent {
         let body = &mut self.context.robot;
         let reports_link = state.links.contains(&self.context.own.run.module);
         let is_linked = body.links.contains(&other);
+        let may_be_docked = !body.torn_off.contains(&other) && !self.stage.is_off_path();
         if reports_link == is_linked {
             return;
         }
@@ -136,7 +140,7 @@ impl Agent {
         let has_left = state.phase == ModulePhase::Moving;
         if is_linked && (has_left || !is_wanted && has_settled) {
             body.links.remove(&other);
-        } else if !is_linked && is_wanted && has_settled && is_settled {
+        } else if !is_linked && is_wanted && has_settled && is_settled && may_be_docked {
             body.links.insert(other);
         } else {
             return;

@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation_model::{Digest, DriveState, ModuleId, Pose, SenderTime, Service, SpotId};
+use formation_model::{
+    Digest, DriveState, Epoch, MicroUnits, ModuleId, Pose, SenderTime, Service, SpotId,
+};
 
 /// The spot on which a module has settled, and the target that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,10 +25,16 @@ pub(super) struct Robot {
     pub settled_on: Option<SettledOn>,
     /// Whether the drive has a goal and has reported neither a halt nor its arrival.
     pub moving: bool,
+    /// Whether its measured pose agrees with its locked ports; otherwise it is not believed.
+    pub is_localised: bool,
+    /// The epoch whose roster lists this module elsewhere than it is measured, and how far off: it was moved after it had frozen.
+    pub moved_in: Option<(Epoch, MicroUnits)>,
     /// Whether the drive failed, and has not been measured to stand since.
     pub has_failed: bool,
     /// The modules to which it has asked its ports to dock, or from which to undock, without a report so far.
     pub ports_busy: BTreeSet<ModuleId>,
+    /// The modules from which it was torn: its ports opened unasked. Until the next plan it is docked to them on request only.
+    pub torn_off: BTreeSet<ModuleId>,
 }
 
 impl Robot {
@@ -38,8 +46,11 @@ impl Robot {
             service: Service::Active,
             settled_on: None,
             moving: false,
+            is_localised: true,
+            moved_in: None,
             has_failed: false,
             ports_busy: BTreeSet::new(),
+            torn_off: BTreeSet::new(),
         }
     }
 

@@ -233,6 +233,10 @@ impl Agent {
             announced.module.pin = mine.module.pin;
         }
         announced.service = mine.service;
+        let moved = mine.module.pose.distance_to(&announced.module.pose);
+        if is_frozen && moved.0 > 0 {
+            self.context.robot.moved_in = Some((roster.epoch, moved));
+        }
         if is_frozen && *mine == announced {
             Ok(())
         } else {

@@ -1,6 +1,7 @@
 //! Acting: units move, and only while every member shows agreement. Along paths (`on_paths`) they move at the same time
 //! and wait for each other's steps; in straight lines one after another.
 
+mod off_path;
 mod on_paths;
 
 use std::collections::BTreeSet;
@@ -17,6 +18,7 @@ use super::super::io::Output;
 use super::super::robot::SettledOn;
 use super::super::roster_plan::Place;
 use super::invalid_start::fault_of;
+use super::off_path::OffPath;
 use super::proofs::Proofs;
 use super::{HeldPlan, Stage, Transition};
 use on_paths::Advance;
@@ -66,6 +68,8 @@ pub(crate) struct Acting {
     step_since: (Option<usize>, Duration),
     /// Along paths: the progress of all members.
     pub(super) progress: Advance,
+    /// Where this module is measured while that is off its way.
+    off_path: Option<OffPath>,
 }
 
 /// What a part of a step leads to.
@@ -91,6 +95,7 @@ impl Acting {
         context.pacing.relax(context.parameters.epoch_interval);
         context.mark_state_changed();
         context.emit(Event::Agreed(epoch));
+        context.robot.torn_off.clear();
         let has_place = held.place.is_some();
         let has_steps = held
             .motion
@@ -104,7 +109,7 @@ impl Acting {
             held.report_open_spots(context);
         }
         let moves = has_place || held.aside().is_some();
-        Self {
+        let mut acting = Self {
             held,
             agreed_at: now,
             look_at: Some(now + context.parameters.heartbeat),
@@ -120,7 +125,12 @@ impl Acting {
             reported: Vec::new(),
             step_since: (Some(0), planned_at),
             progress: Advance::from(now),
+            off_path: None,
+        };
+        for member in acting.held.others() {
+            acting.held.follow_place(member, context);
         }
+        acting
     }
 
     pub fn phase(&self) -> ModulePhase {
@@ -153,6 +163,9 @@ impl Acting {
         self.proofs.describe(state);
         if state.drive == DriveState::Moving && self.folds() {
             state.drive = DriveState::Folding;
+        }
+        if self.off_path.is_some() {
+            state.drive = DriveState::Displaced;
         }
         state.steps_done = self.held.motion.planned.paths().map(|_| self.steps_done);
     }
@@ -223,6 +236,9 @@ impl Acting {
     /// The goal that is published again with each heartbeat, as a drive stops when goals cease to repeat.
     /// Enforces A4.
     pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
+        if !self.off_path(context).is_empty() {
+            return None;
+        }
         let moves = matches!(self.task, Task::Moving { held: None, .. });
         let may_move = || self.held.lagging(context).is_empty();
         if moves && !context.stop.stopped && may_move() {
@@ -267,6 +283,7 @@ impl Acting {
             let next = context.now + context.parameters.heartbeat;
             self.look_at = Some(next).filter(|_| !have_agreed);
         }
+        self.watch_place(context);
         // A new epoch follows. To settle now would give up a pin for a target that has come back.
         let is_moving = matches!(self.task, Task::Moving { .. });
         if !is_moving && context.has_replaced(&self.held.roster.target) {
@@ -282,6 +299,7 @@ impl Acting {
         if context.stop.stopped && lagging.is_empty() {
             lagging.push(context.module());
         }
+        lagging.extend(self.off_path(context));
         if self.held.motion.planned.paths().is_some() && context.robot.service == Service::Active {
             return self.carry_on_along_path(&lagging, context);
         }
@@ -449,7 +467,10 @@ impl Acting {
                 let held = Some(context.now);
                 self.task = Task::Moving { since, held };
                 context.stand_still();
-                if !stopped {
+                let off_path = self.off_path(context);
+                if !off_path.is_empty() {
+                    context.emit(Event::KeepingClear(off_path));
+                } else if !stopped {
                     context.emit(Event::AgreementLapsed(lagging.to_vec()));
                 }
             }
@@ -484,7 +505,8 @@ impl Acting {
     /// Docks to the settled neighbours, and has settled when it is docked to all that are placed before it.
     /// Enforces X2, X11.
     pub(super) fn dock(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
-        if !self.is_docked(place, lagging, context) || !self.parent_has_settled(context) {
+        let is_there = self.off_path.is_none() && self.parent_has_settled(context);
+        if !self.is_docked(place, lagging, context) || !is_there {
             return;
         }
         self.task = Task::Settled;

@@ -143,6 +143,13 @@ impl Gathering {
         if let Some(reason) = refused.or_else(|| context.bodies.contested_in(self.epoch)) {
             return Some(reason);
         }
+        if let Some((_, moved)) = context
+            .robot
+            .moved_in
+            .filter(|(epoch, _)| *epoch == self.epoch)
+        {
+            return Some(EpochReason::Displaced(vec![(context.module(), moved)]));
+        }
         let convener = self.epoch.convener;
         let peer = context.peers.get(convener);
         let is_live = context.peers.is_live(context.liveness(), convener)

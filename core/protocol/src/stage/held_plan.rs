@@ -277,6 +277,12 @@ impl HeldPlan {
         })
     }
 
+    /// The other members, in ascending order.
+    pub(super) fn others(&self) -> Vec<ModuleId> {
+        let members = self.roster_plan.members.keys().copied();
+        members.filter(|&module| module != self.own).collect()
+    }
+
     /// The members with their runs in the roster, in ascending order.
     fn runs(&self) -> impl Iterator<Item = (ModuleId, Incarnation)> {
         let members = self.roster_plan.members.iter();

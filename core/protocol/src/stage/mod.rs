@@ -6,6 +6,7 @@ mod claims;
 mod gathering;
 mod held_plan;
 mod invalid_start;
+mod off_path;
 mod planning;
 mod proofs;
 mod route;
@@ -14,7 +15,9 @@ use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{ClosedRoster, Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim};
+use formation_model::{
+    ClosedRoster, DriveState, Epoch, ModuleId, ModulePhase, ModuleState, Pose, Roster, SpotClaim,
+};
 use formation_motion::MotionGoal;
 
 pub(super) use acting::Acting;
@@ -143,6 +146,18 @@ impl Stage {
         matches!(self, Self::Acting(acting) if acting.has_acted())
     }
 
+    /// Whether this module is measured off what its plan lets it do.
+    pub fn is_off_path(&self) -> bool {
+        matches!(self, Self::Acting(acting) if acting.is_off_path())
+    }
+
+    /// Compares where another module shows itself with what the plan lets it do.
+    pub fn follow_place(&mut self, module: ModuleId, context: &Context) {
+        if let Self::Acting(acting) = self {
+            acting.held.follow_place(module, context);
+        }
+    }
+
     /// The number of steps of its path that this module has done in the epoch.
     pub fn steps_done(&self) -> u32 {
         match self {
@@ -172,6 +187,12 @@ impl Stage {
 
     /// Adds to a state what this stage knows.
     pub fn describe(&mut self, state: &mut ModuleState, context: &mut Context) {
+        if let Self::Planning(_) | Self::Agreeing(_) = self
+            && let Some(member) = self.roster().and_then(|roster| roster.member(state.module))
+            && member.module.pose.distance_to(&state.pose) > context.spot_limit()
+        {
+            state.drive = DriveState::Displaced;
+        }
         match self {
             Self::Gathering(gathering) => gathering.describe(state, context),
             Self::Agreeing(agreeing) => agreeing.held.describe(state),

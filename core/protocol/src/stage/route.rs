@@ -8,6 +8,8 @@ use formation_model::{
 };
 use formation_motion::{MotionGoal, PlannedMotion};
 
+use super::off_path::OffPath;
+
 /// The unit of a module in the paths of a plan, and the module's own path.
 pub(crate) type PathPlace<'a> = (&'a UnitMotion, &'a ModuleMotion);
 
@@ -17,6 +19,10 @@ pub(super) struct HeldMotion {
     pub planned: Arc<PlannedMotion>,
     /// This module's part, if modules move along paths.
     pub route: Option<Route>,
+    /// Along paths: the unit of each module, and its position in that.
+    index: BTreeMap<ModuleId, (usize, usize)>,
+    /// The other members that are measured off their ways.
+    pub off_path: BTreeMap<ModuleId, OffPath>,
 }
 
 impl HeldMotion {
@@ -24,8 +30,17 @@ impl HeldMotion {
     pub fn of(own: ModuleId, planned: Arc<PlannedMotion>) -> Self {
         Self {
             route: Route::of(own, &planned),
+            index: index_of(&planned),
+            off_path: BTreeMap::new(),
             planned,
         }
+    }
+
+    /// The unit of a module in the paths, and its own path.
+    pub fn place_of(&self, module: ModuleId) -> Option<PathPlace<'_>> {
+        let &(unit, member) = self.index.get(&module)?;
+        let unit = self.planned.paths()?.units.get(unit)?;
+        Some((unit, unit.modules.get(member)?))
     }
 
     /// The unit of each module in the paths, and the module's own path.
@@ -40,6 +55,15 @@ impl HeldMotion {
             })
             .collect()
     }
+}
+
+fn index_of(planned: &PlannedMotion) -> BTreeMap<ModuleId, (usize, usize)> {
+    let units = planned.paths().into_iter().flat_map(|paths| &paths.units);
+    let modules = units.enumerate().flat_map(|(unit, motion)| {
+        let members = motion.modules.iter().enumerate();
+        members.map(move |(member, module)| (module.module, (unit, member)))
+    });
+    modules.collect()
 }
 
 /// The part of one module in a motion plan. Steps count from 1.

@@ -10,8 +10,8 @@ use super::record::{ModuleRecord, PlannedEpoch};
 use crate::plan::check_filled;
 use crate::{Missing, Violation};
 use formation_model::{
-    Digest, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose,
-    SpotId, Whereabouts,
+    Digest, DriveState, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase,
+    ModuleState, Pose, SpotId, Whereabouts,
 };
 
 /// A body nearer to a spot than this stands on it: half the width of a module.
@@ -27,7 +27,7 @@ pub(super) struct EndState<'a> {
     pub(super) claimed: Claimed,
     /// The latest state of each member's run.
     states: BTreeMap<ModuleId, &'a ModuleState>,
-    /// The states of the members that have settled in this epoch.
+    /// The states of the members that have settled in this epoch, and have not been moved since.
     settled: BTreeMap<ModuleId, &'a ModuleState>,
     /// The members that have not shown the plan that most members have shown.
     disagreeing: BTreeSet<ModuleId>,
@@ -53,7 +53,9 @@ impl<'a> EndState<'a> {
             .collect();
         let mut settled = states.clone();
         settled.retain(|_, state| {
-            state.epoch == Some(planned.epoch) && state.phase == ModulePhase::Settled
+            state.epoch == Some(planned.epoch)
+                && state.phase == ModulePhase::Settled
+                && state.drive != DriveState::Displaced
         });
         let (disagreeing, turns) = disagreement(planned);
         Self {

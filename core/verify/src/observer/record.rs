@@ -8,8 +8,8 @@ use std::time::Duration;
 use super::verdict::CollisionRisk;
 use crate::Violation;
 use formation_model::{
-    CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits,
-    ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
+    CausalMark, ClosedRoster, Digest, DriveState, Epoch, Heartbeat, Incarnation, MODULES_MAX,
+    MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
     SpotClaim, SpotId, Stop, TURNS_MAX,
 };
 
@@ -194,7 +194,8 @@ impl Act {
                 fits &= merge_lowest(&mut self.agreed_on, &state.agreed_on);
             }
             ModulePhase::Planning | ModulePhase::Agreeing | ModulePhase::Waiting
-                if !self.frozen_at.contains(&state.pose)
+                if state.drive != DriveState::Displaced
+                    && !self.frozen_at.contains(&state.pose)
                     && self.frozen_at.len() < FROZEN_POSES_MAX =>
             {
                 self.frozen_at.push(state.pose);

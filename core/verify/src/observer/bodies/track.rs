@@ -119,7 +119,13 @@ impl Track {
         // Where states are missing, the module may have been anywhere; a clock that was set back says nothing, either.
         let stood = before.placed == self.last.placed;
         let passed = self.last.at.checked_sub(before.at);
-        let follows = skipped == 0 && passed.is_some_and(|passed| stood || passed <= UNSEEN_MAX);
+        // A module that is measured off its way did not drive there, nor did one that stands and carries out no plan.
+        let both = [&before, &self.last];
+        let is_displaced = both.iter().any(|it| it.drive == DriveState::Displaced);
+        let is_idle = |it: &&Sample| it.drive == DriveState::Standing && it.steps.is_none();
+        let drove = !is_displaced && (stood || !both.iter().all(is_idle));
+        let in_time = passed.is_some_and(|passed| stood || passed <= UNSEEN_MAX);
+        let follows = skipped == 0 && drove && in_time;
         self.is_doubtful = false;
         let step = self.note_step(follows.then_some(&before));
         let segment = follows.then_some(Segment {
@@ -154,7 +160,11 @@ impl Track {
             ..
         } = self.last;
         let (epoch, steps) = (epoch?, steps?);
-        let began = (drive != DriveState::Standing).then_some(at);
+        if drive == DriveState::Displaced {
+            return None;
+        }
+        let drives = matches!(drive, DriveState::Moving | DriveState::Folding);
+        let began = drives.then_some(at);
         let mut ends = self.ends.iter_mut().rev();
         if let Some(end) = ends.find(|end| (end.epoch, end.steps) == (epoch, steps)) {
             if end.began.is_some() || began.is_none() {
