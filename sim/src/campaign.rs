@@ -12,7 +12,7 @@ use formation_protocol::AgentParameters;
 use formation_verify::Violation as Breach;
 
 use crate::cluster::{Cluster, ClusterParameters};
-use crate::faults::{Fault, FaultKind, ScheduledFault, draw};
+use crate::faults::{CarryMoment, Fault, FaultKind, ScheduledFault, draw};
 use crate::monitor::{BrokenInvariant, Monitor};
 use crate::network::NetworkParameters;
 use crate::process::AgentFactory;
@@ -21,6 +21,9 @@ use crate::verifier::{LINGER, Verifier};
 
 /// Two clocks that drift apart by twice this are just within the tolerance of the agents.
 const HOSTILE_DRIFT_PPM: u32 = 480;
+
+/// How long a hand waits for the moment at which it takes a module.
+const MOMENT_LIMIT: Duration = Duration::from_secs(60);
 
 /// Separates the draw of the memories from that of the scenario.
 const MEMORY_SEED: u64 = 0x6d65_6d6f_7279;
@@ -55,6 +58,8 @@ pub struct CampaignParameters {
     pub plan_time_max: Option<Duration>,
     /// If set, drives move on for up to this time after their last goal, and so slowly that a step takes a second.
     pub coasting: Option<Duration>,
+    /// If set, hands take modules only at this moment.
+    pub moment: Option<CarryMoment>,
     /// Makes the agents.
     pub agents: AgentFactory,
 }
@@ -73,6 +78,7 @@ impl Default for CampaignParameters {
             transcripts: false,
             plan_time_max: None,
             coasting: None,
+            moment: None,
             agents: AgentFactory::default(),
         }
     }
@@ -280,7 +286,8 @@ impl MonitoredRun<'_> {
         for fault in faults {
             self.run_to(fault.at);
             self.apply_one(&fault.fault)?;
-            quiet_from = quiet_from.max(fault.at + fault.fault.span());
+            let at = self.cluster.now();
+            quiet_from = quiet_from.max(at + fault.fault.span());
         }
         Ok(quiet_from)
     }
@@ -314,6 +321,15 @@ impl MonitoredRun<'_> {
         }
         self.observe();
         self.verifier.advance(self.cluster.now(), &self.cluster);
+    }
+
+    /// Runs until a module is at a moment, for a while.
+    fn await_moment(&mut self, moment: CarryMoment, module: ModuleId) {
+        let limit = self.cluster.now() + MOMENT_LIMIT;
+        while !self.cluster.is_at(moment, module) && self.cluster.step(limit) {
+            self.observe();
+        }
+        self.observe();
     }
 
     fn observe(&mut self) {
@@ -351,6 +367,17 @@ impl MonitoredRun<'_> {
             Fault::Command(module, command) => cluster.command(*module, *command),
             Fault::Drive { module, broken } => cluster.break_drive(*module, *broken),
             Fault::SilentDriver(module) => cluster.mute_drive(*module),
+            Fault::Carry {
+                module,
+                moment,
+                with_docked,
+                way,
+            } => {
+                let moment = self.parameters.moment.unwrap_or(*moment);
+                self.await_moment(moment, *module);
+                self.cluster.carry(*module, *with_docked, *way);
+            }
+            Fault::Mislead(module, way) => cluster.mislead(*module, *way),
             Fault::Stop(stop) => {
                 if let Some(&module) = cluster.running().first() {
                     cluster.stop(module, *stop);

@@ -1,6 +1,7 @@
 //! The faults of a run and their times, drawn from its seed.
 
 mod churn;
+mod hands;
 mod hostile;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,6 +14,7 @@ use formation_model::{ModuleId, Stop};
 use formation_protocol::Command;
 
 use crate::network::duration_below;
+use crate::process::Way;
 
 /// The kinds of faults of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,11 +44,15 @@ pub enum FaultKind {
     Churn,
     /// Churn in which the clock of a module is set forward or back between two of its runs.
     Clocks,
+    /// Hands push and carry modules, alone or with all that are docked to them.
+    Carried,
+    /// The localisation of modules jumps, and returns.
+    Lost,
 }
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const NAMED: [(&'static str, Self); 9] = [
+    pub const NAMED: [(&'static str, Self); 11] = [
         ("none", Self::None),
         ("crash", Self::Crash),
         ("partition", Self::Partition),
@@ -56,6 +62,8 @@ impl FaultKind {
         ("stops", Self::Stops),
         ("churn", Self::Churn),
         ("clocks", Self::Clocks),
+        ("carried", Self::Carried),
+        ("lost", Self::Lost),
     ];
 }
 
@@ -77,6 +85,32 @@ impl fmt::Display for FaultKind {
         let name = named.find(|(_, kind)| kind == self).map(|(name, _)| *name);
         formatter.write_str(name.unwrap_or_default())
     }
+}
+
+/// What a module is doing when a hand takes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CarryMoment {
+    /// Whatever it does.
+    Any,
+    /// It is frozen.
+    Frozen,
+    /// It moves.
+    OnTheWay,
+    /// It waits for others to leave its way.
+    Waiting,
+    /// It has settled.
+    Settled,
+}
+
+impl CarryMoment {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Any,
+        Self::Frozen,
+        Self::OnTheWay,
+        Self::Waiting,
+        Self::Settled,
+    ];
 }
 
 /// A fault, or the end of one.
@@ -122,6 +156,19 @@ pub enum Fault {
     },
     /// The driver of a module falls silent, until its process restarts.
     SilentDriver(ModuleId),
+    /// A hand moves a module.
+    Carry {
+        /// The module.
+        module: ModuleId,
+        /// What it waits for, for up to a minute.
+        moment: CarryMoment,
+        /// Whether it takes along all modules that are docked to that.
+        with_docked: bool,
+        /// How far, along x and y.
+        way: Way,
+    },
+    /// The poses of a module are measured this far off where it is, from now on.
+    Mislead(ModuleId, Way),
     /// A participant that is not a module forges claims from now on.
     ForgeClaims,
     /// A participant that is not a module publishes a roster, the quorum bases of which it invented.
@@ -190,6 +237,8 @@ pub fn draw(
             drawing.churn();
             drawing.clocks();
         }
+        FaultKind::Carried => drawing.carried(),
+        FaultKind::Lost => drawing.lost(),
     }
     drawing.faults.sort_by_key(|fault| fault.at);
     drawing.removals();

@@ -16,10 +16,10 @@ mod verifier;
 
 pub use campaign::{CampaignError, CampaignParameters, Ending, SeedReport, run_seed};
 pub use cluster::{Cluster, ClusterParameters, Standing};
-pub use faults::{Fault, FaultKind, ScheduledFault};
+pub use faults::{CarryMoment, Fault, FaultKind, ScheduledFault};
 pub use monitor::{BrokenInvariant, ViolationKind, blocks_all, room};
 pub use network::NetworkParameters;
 pub use observation::Observation;
-pub use process::AgentFactory;
+pub use process::{AgentFactory, Way};
 pub use sweep::run_seeds;
 pub use transcript::{Transcript, TranscriptLine};

@@ -18,6 +18,8 @@ pub enum Observation {
     SetOff(ModuleId, Option<(Epoch, Digest)>),
     /// A drive stands or moves here. Between two of these it moves evenly.
     Stands(ModuleId, Pose),
+    /// An outside hand has put the module here.
+    Carried(ModuleId, Pose),
     /// The publisher of the target announced this.
     Announced(Arc<TargetAnnouncement>),
     /// A participant that is no module published a message.

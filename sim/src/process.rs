@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{Digest, Epoch, Message, ModuleId, ModuleRun, TargetAnnouncement};
+use formation_model::{
+    Digest, Epoch, Message, MicroUnits, ModuleId, ModuleRun, Pose, TargetAnnouncement,
+};
 use formation_motion::SimulatedDrive;
 use formation_protocol::{Agent, AgentParameters, DurableState, Identity, Input};
 
@@ -123,6 +125,7 @@ pub(crate) struct Process {
     pub clock: Clock,
     pub inbox: Inbox,
     pub timeout_at: Option<Duration>,
+    /// Goes by the poses that are measured.
     pub drive: SimulatedDrive,
     /// Whether its agent has ordered a halt, which the drive reports once it stands.
     pub is_coasting: bool,
@@ -130,6 +133,8 @@ pub(crate) struct Process {
     pub is_mute: bool,
     /// Whether the drive fell silent on its way, so that the agent never knows that it stands.
     pub is_lost: bool,
+    /// How far off its body its poses are measured, along x and y.
+    pub measured_off: (MicroUnits, MicroUnits),
     /// Whether the drive fails whenever it receives a goal.
     pub drive_broken: bool,
     /// When the next report of the drive is scheduled.
@@ -142,6 +147,27 @@ pub(crate) struct Process {
     pub writing: VecDeque<(u64, Stored)>,
     /// The samples that its writers keep for late readers.
     pub history: BTreeMap<Topic, Vec<(u64, Message)>>,
+}
+
+impl Process {
+    /// Where its body is.
+    pub fn body(&self) -> Pose {
+        let measured = self.drive.pose();
+        let (x, y) = self.measured_off;
+        shifted(&measured, (MicroUnits(-x.0), MicroUnits(-y.0)))
+    }
+}
+
+/// A way along x and y.
+pub type Way = (MicroUnits, MicroUnits);
+
+/// A pose moved along x and y.
+pub(crate) fn shifted(pose: &Pose, (x, y): (MicroUnits, MicroUnits)) -> Pose {
+    Pose {
+        x: MicroUnits(pose.x.0 + x.0),
+        y: MicroUnits(pose.y.0 + y.0),
+        ..*pose
+    }
 }
 
 #[cfg(test)]

@@ -64,9 +64,10 @@ impl Transcript {
         let (actor, entry) = match observation {
             Observation::Published(module, message) => (Some(module), published(message)),
             Observation::Noted(module, event) => (Some(module), Some(noted(event))),
-            Observation::SetOff(..) | Observation::Stands(..) | Observation::Injected(_) => {
-                (None, None)
-            }
+            Observation::SetOff(..)
+            | Observation::Stands(..)
+            | Observation::Carried(..)
+            | Observation::Injected(_) => (None, None),
             Observation::Announced(announcement) => {
                 let kind = match announcement.target {
                     Some(_) => "target_announced",
@@ -308,6 +309,12 @@ fn noted(event: &Event) -> Entry {
         Event::PlanOverdue(epoch) => Entry::of("plan_overdue").epoch(*epoch),
         Event::MotionOverdue(spot) => Entry::of("motion_overdue").spot("spot", *spot),
         Event::MotionFailed(spot) => Entry::of("motion_failed").spot("spot", *spot),
+        Event::OffPath(distance) => Entry::of("off_path").with("distance", distance),
+        Event::BackOnPath => Entry::of("back_on_path"),
+        Event::PortsContradictPose(distance) => {
+            Entry::of("ports_contradict_pose").with("distance", distance)
+        }
+        Event::KeepingClear(modules) => Entry::of("keeping_clear").modules("modules", modules),
         Event::Retired => Entry::of("retired"),
         Event::Rejoined => Entry::of("rejoined"),
         Event::SpotsLeftOpen(spots) => Entry::of("spots_left_open").spots(spots),
@@ -373,6 +380,11 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
         EpochReason::NewTarget => of("new_target"),
         EpochReason::DigestMismatch => of("digest_mismatch"),
         EpochReason::Silent(modules) => of("silent").modules("modules", modules),
+        EpochReason::Displaced(displaced) => {
+            let named = displaced.iter();
+            let named = named.map(|(module, distance)| format!("{}({distance})", module.0));
+            of("displaced").with("modules", list(named))
+        }
         EpochReason::Restarted(modules) => of("restarted").modules("modules", modules),
         EpochReason::Newcomers(modules) => of("newcomers").modules("modules", modules),
         EpochReason::Stuck(modules) => of("stuck").modules("modules", modules),
@@ -431,6 +443,20 @@ fn fault_entry(fault: &Fault) -> Entry {
             .module(*module)
             .with("ahead_s", ahead.as_secs()),
         Fault::SilentDriver(module) => Entry::of("silent_driver").module(*module),
+        Fault::Carry {
+            module,
+            with_docked,
+            way,
+            ..
+        } => Entry::of("carry")
+            .module(*module)
+            .with("with_docked", with_docked)
+            .with("x", way.0)
+            .with("y", way.1),
+        Fault::Mislead(module, way) => Entry::of("mislead")
+            .module(*module)
+            .with("x", way.0)
+            .with("y", way.1),
         Fault::ForgeClaims => Entry::of("forge_claims"),
         Fault::ForgeRoster => Entry::of("forge_roster"),
         Fault::Withdraw => Entry::of("withdraw"),

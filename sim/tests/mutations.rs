@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use std::collections::BTreeSet;
+
 use formation_protocol::{Agent, Mutation};
 use formation_sim::{
     AgentFactory, BrokenInvariant, CampaignParameters, FaultKind, SeedReport, ViolationKind,
@@ -234,4 +236,16 @@ fn find_seeds() {
         println!("{mutation:?} with {modules:?} modules: {found:?}");
         assert!(found.is_some(), "no seed shows {mutation:?}");
     }
+}
+
+/// A module that takes itself to be where it should be stays off its spot for good, and shows itself as settled.
+#[test]
+fn modules_that_ignore_where_they_are_measured_are_found() {
+    let kinds = |mutation| {
+        let violations = (0..6).flat_map(|seed| small(mutation, FaultKind::Carried, [5, 8], seed));
+        let kinds: BTreeSet<ViolationKind> = violations.map(|violation| violation.kind).collect();
+        kinds
+    };
+    let found = kinds(Some(Mutation::IgnorePlace));
+    assert!(found.contains(&ViolationKind::Hole), "{found:?}");
 }

@@ -20,6 +20,9 @@ use std::time::Duration;
 
 use formation_model::Pose;
 
+/// An arc that ends nearer to its goal than this leads there.
+const ARC_ERROR_UNITS: f64 = 0.02;
+
 /// A simulated drive. Like a real one it needs its goal repeated: after `patience` without a repetition it halts.
 #[derive(Clone, Debug)]
 pub struct SimulatedDrive {
@@ -35,6 +38,8 @@ pub struct SimulatedDrive {
 struct Journey {
     from: Pose,
     goal: MotionGoal,
+    /// The point about which it turns, if an arc about that leads to the goal from where it is.
+    pivot: Option<Pose>,
     began: Duration,
     duration: Duration,
     /// The time of the last command to go.
@@ -117,11 +122,33 @@ impl SimulatedDrive {
         );
         self.journey = Some(Journey {
             from: self.pose,
+            pivot: goal
+                .pivot
+                .filter(|pivot| leads_to(&self.pose, pivot, &goal.pose)),
             goal,
             began: now,
             duration,
             repeated: now,
         });
+    }
+
+    /// An outside hand puts the module there. On its way, it goes on to its goal straight from where it is now.
+    pub fn put(&mut self, now: Duration, pose: Pose) -> impl Iterator<Item = MotionReport> {
+        let before = self.advance(now);
+        let before = before.filter(|report| !matches!(report, MotionReport::Pose(_)));
+        self.pose = pose;
+        self.unfinished = None;
+        if let Some(journey) = self.journey.take() {
+            let seconds = pose.distance_to(&journey.goal.pose).to_units() / self.speed_units_per_s;
+            self.journey = Some(Journey {
+                from: pose,
+                pivot: None,
+                began: now,
+                duration: Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX),
+                ..journey
+            });
+        }
+        before.into_iter().chain([MotionReport::Pose(pose)])
     }
 
     /// Stops at once.
@@ -153,7 +180,7 @@ impl SimulatedDrive {
             });
         }
         let share = elapsed.as_secs_f64() / journey.duration.as_secs_f64();
-        self.pose = between(&journey.from, &journey.goal, share);
+        self.pose = between(&journey.from, &journey.goal.pose, journey.pivot, share);
         if now > last {
             self.break_off(last);
             return Some(MotionReport::Halted(self.pose));
@@ -171,12 +198,18 @@ fn valid_speed(speed_units_per_s: f64) -> f64 {
     }
 }
 
+/// Whether the arc about a pivot that turns a module into the heading of its goal leads to that goal.
+fn leads_to(from: &Pose, pivot: &Pose, goal: &Pose) -> bool {
+    let end = between(from, goal, Some(*pivot), 1.0);
+    end.distance_to(goal).to_units() < ARC_ERROR_UNITS
+}
+
 /// The pose at `share` (0 to 1) of the straight path, or of the arc about the pivot; the heading turns by the smaller
 /// angle.
-fn between(from: &Pose, goal: &MotionGoal, share: f64) -> Pose {
-    let (start, end) = (from.to_isometry(), goal.pose.to_isometry());
+fn between(from: &Pose, goal: &Pose, pivot: Option<Pose>, share: f64) -> Pose {
+    let (start, end) = (from.to_isometry(), goal.to_isometry());
     let turned = start.rotation.slerp(&end.rotation, share);
-    let point = match goal.pivot {
+    let point = match pivot {
         None => start
             .translation
             .vector
@@ -257,6 +290,31 @@ mod tests {
         assert!(drive.pose().distance_to(&middle.unwrap()) < MicroUnits(10));
         assert_eq!(drive.due(), Some(at(4)));
         assert_eq!(drive.advance(at(4)), Some(arrived(goal)));
+    }
+
+    #[test]
+    fn a_module_that_is_carried_on_its_way_goes_on_straight_from_where_it_is() {
+        let from = Pose::from_units(3.0, 1.0, 0.0).unwrap();
+        let mut drive = SimulatedDrive::new(from, 1.0, Duration::from_secs(60));
+        let goal = MotionGoal {
+            pose: Pose::from_units(1.0, 3.0, std::f64::consts::FRAC_PI_2).unwrap(),
+            unit_distance: MicroUnits(4_000_000),
+            pivot: Some(Pose::from_units(1.0, 1.0, 0.0).unwrap()),
+        };
+        drive.go(Duration::ZERO, goal);
+        let there = Pose::from_units(1.0, -1.0, 0.0).unwrap();
+        let reports: Vec<MotionReport> = drive.put(at(1), there).collect();
+        assert_eq!(reports, [MotionReport::Pose(there)]);
+        drive.go(at(2), goal);
+        drive.advance(at(3));
+        let way = (drive.pose().x, drive.pose().y.0);
+        assert_eq!(way, (MicroUnits(1_000_000), 1_000_000));
+        assert_eq!(drive.advance(at(5)), Some(arrived(goal)));
+        // After a halt as well, and although the goal names a pivot.
+        drive.put(at(6), there).for_each(drop);
+        drive.go(at(6), goal);
+        drive.advance(at(8));
+        assert_eq!(drive.pose().x, MicroUnits(1_000_000));
     }
 
     /// Shows A4.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{Message, ModuleId, ModuleRun, SourceId};
+use formation_model::{Message, MicroUnits, ModuleId, ModuleRun, SourceId};
 use formation_motion::{MotionReport, SimulatedDrive};
 use formation_protocol::{Event, Input, Output, PlanJob};
 
@@ -12,7 +12,7 @@ use super::Cluster;
 use super::schedule::{Delivery, Happening};
 use crate::network::duration_below;
 use crate::observation::Observation;
-use crate::process::{Clock, Inbox, Process, Stored};
+use crate::process::{Clock, Inbox, Process, Stored, shifted};
 
 fn message_of(input: Input) -> Option<(Option<SourceId>, Message)> {
     match input {
@@ -124,6 +124,7 @@ impl Cluster {
             is_coasting: false,
             is_mute: false,
             is_lost: false,
+            measured_off: <(MicroUnits, MicroUnits)>::default(),
             drive_broken: false,
             tick_at: None,
             driven_by: None,
@@ -238,7 +239,9 @@ impl Cluster {
                     }
                     process.driven_by = plan;
                     process.is_coasting = false;
+                    let off = process.measured_off;
                     let stood = process.drive.pose_at(local);
+                    let stood = shifted(&stood, (MicroUnits(-off.0.0), MicroUnits(-off.1.0)));
                     process.drive.go(local, goal);
                     self.observe(Observation::Stands(module, stood));
                     self.observe(Observation::SetOff(module, plan));
@@ -259,12 +262,14 @@ impl Cluster {
                     if !process.is_mute {
                         process.inbox.add(Input::Motion(report));
                     }
-                    let pose = process.drive.pose();
+                    let pose = process.body();
                     self.observe(Observation::Stands(module, pose));
                 }
                 Output::Dock(other) => {
-                    let report = Input::Motion(MotionReport::Docked(other));
-                    process.agent.handle(local, report);
+                    let report = self.try_to_dock(module, other);
+                    if let Some(process) = self.processes.get_mut(&module) {
+                        process.agent.handle(local, Input::Motion(report));
+                    }
                 }
                 Output::Undock(other) => {
                     let report = Input::Motion(MotionReport::Undocked(other));
@@ -312,7 +317,8 @@ impl Cluster {
                 process.is_coasting = false;
                 report = MotionReport::Halted(pose);
             }
-            self.observe(Observation::Stands(run.module, pose));
+            let body = process.body();
+            self.observe(Observation::Stands(run.module, body));
             self.schedule_tick(run.module);
             if !is_silent {
                 self.input(run.module, Input::Motion(report));
@@ -321,7 +327,7 @@ impl Cluster {
     }
 
     /// Schedules the next report of a drive that moves: after a tick, or when it arrives or halts.
-    fn schedule_tick(&mut self, module: ModuleId) {
+    pub(super) fn schedule_tick(&mut self, module: ModuleId) {
         let now = self.now();
         let Some(process) = self.processes.get_mut(&module) else {
             return;

@@ -210,10 +210,10 @@ impl Cluster {
             self.stores.insert(module, state);
         }
         if let Some(body) = self.bodies.get_mut(&module) {
-            body.pose = process.drive.pose();
+            body.pose = process.body();
             body.links = process.agent.links().clone();
         }
-        self.observe(Observation::Stands(module, process.drive.pose()));
+        self.observe(Observation::Stands(module, process.body()));
         self.transport.forget(module);
         self.note(Fault::Crash(module));
     }
@@ -287,7 +287,7 @@ impl Cluster {
         self.release();
     }
 
-    fn note(&mut self, fault: Fault) {
+    pub(super) fn note(&mut self, fault: Fault) {
         self.observe(Observation::Fault(fault));
     }
 }

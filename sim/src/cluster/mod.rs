@@ -3,6 +3,7 @@
 mod delivery;
 mod execution;
 mod faults;
+mod hands;
 mod observer;
 mod schedule;
 

@@ -26,7 +26,7 @@ pub struct Standing {
     pub spot: Option<SpotId>,
     /// Whether its drive moves.
     pub moving: bool,
-    /// The pose of its drive.
+    /// Where its body is.
     pub pose: Pose,
 }
 
@@ -117,7 +117,7 @@ impl Cluster {
                 .plan()
                 .and_then(|plan| plan.assignments.get(&module).copied()),
             moving: process.drive.is_moving(),
-            pose: process.drive.pose(),
+            pose: process.body(),
         })
     }
 
@@ -138,7 +138,7 @@ impl Cluster {
     #[must_use]
     pub fn body(&self, module: ModuleId) -> Option<Pose> {
         if let Some(process) = self.processes.get(&module) {
-            return Some(process.drive.pose());
+            return Some(process.body());
         }
         let body = self.bodies.get(&module)?;
         (!self.taken_away.contains(&module)).then_some(body.pose)

@@ -155,6 +155,9 @@ impl Monitor {
             self.violate(leg.end, ViolationKind::BodiesOverlap, detail);
         }
         for pair in found {
+            if self.hands.made_contact(pair, leg.end) {
+                continue;
+            }
             self.bodies.found.insert(pair);
             let detail = format!("{} and {} in {}", pair.0, pair.1, plan.0);
             self.violate(leg.end, ViolationKind::BodiesOverlap, detail);
@@ -171,6 +174,19 @@ fn docked_to(module: ModuleId, cluster: &Cluster) -> BTreeSet<ModuleId> {
         open.extend(links.copied().filter(|&link| docked.insert(link)));
     }
     docked
+}
+
+impl ContactWatch {
+    /// A hand has put a module here.
+    pub fn put(&mut self, at: Duration, module: ModuleId, pose: Pose, cluster: &Cluster) {
+        let track = Track {
+            since: at,
+            pose,
+            legs: VecDeque::new(),
+            docked: docked_to(module, cluster),
+        };
+        self.tracks.insert(module, track);
+    }
 }
 
 impl Leg {

@@ -6,6 +6,7 @@
 mod bodies;
 mod contact;
 mod ending;
+mod hands;
 mod motion;
 mod violation;
 
@@ -79,6 +80,7 @@ pub(crate) struct Monitor {
     /// The plans on which a module has begun to move.
     begun: BTreeSet<PlanKey>,
     bodies: ContactWatch,
+    hands: hands::Hands,
     pub violations: Vec<BrokenInvariant>,
 }
 
@@ -114,6 +116,7 @@ impl Monitor {
                     _ => {}
                 },
                 Observation::Stands(module, pose) => self.follow_body(at, module, pose, cluster),
+                Observation::Carried(module, pose) => self.note_carried(at, module, pose, cluster),
                 Observation::SetOff(module, plan) => {
                     self.check_departure(at, module, plan, cluster);
                 }
@@ -275,7 +278,8 @@ impl Monitor {
             ModulePhase::Planning | ModulePhase::Agreeing => {
                 let roster = roster.as_deref();
                 let frozen = roster.and_then(|roster| member(roster, state.module));
-                if frozen.is_some_and(|member| member.module.pose != state.pose) {
+                let was_carried = self.hands.has_carried(state.module);
+                if frozen.is_some_and(|member| member.module.pose != state.pose && !was_carried) {
                     let detail = format!("{}", state.module);
                     self.violate(at, ViolationKind::NotWhereFrozen, detail);
                 }
@@ -307,6 +311,7 @@ impl Monitor {
                 && frozen.spot != Some(*spot)
                 && same_target
                 && knows_target
+                && !self.hands.has_carried(member.module.id)
             {
                 forgotten.push(format!(
                     "{} of {spot} in {}",
@@ -334,6 +339,7 @@ impl Monitor {
         let standing = cluster.standing(state.module);
         if let (Some(pose), Some(standing)) = (pose, standing)
             && !stands_on(&standing.pose, &pose)
+            && !self.hands.may_be_off(state.module, at)
         {
             let detail = format!("{} not on {spot}", state.module);
             self.violate(at, ViolationKind::SettledElsewhere, detail);

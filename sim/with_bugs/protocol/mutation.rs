@@ -76,6 +76,9 @@ pub enum Mutation {
     ForgetPinBeforeGoal,
     /// Restarts without the bodies that its store holds.
     ForgetStoredBodies,
+    /// Drives on, or stays settled, wherever it is measured.
+    /// Lacks X14.
+    IgnorePlace,
     /// Drops a module as soon as somebody reports its body as removed.
     /// Lacks B5.
     TrustRemovals,

@@ -1,0 +1,56 @@
+//! What hands have done to robots: the truth about where they put them, whatever the modules believe.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use formation_model::{ModuleId, Pose};
+
+use super::Monitor;
+use crate::cluster::Cluster;
+
+/// Contact with a module within this after a hand has put it somewhere is made by the hand: the others learn of it by a message, and
+/// need a moment to halt.
+const REACTION: Duration = Duration::from_millis(300);
+
+/// Within this a module that was carried off its spot no longer shows itself as settled.
+const NOTICED: Duration = Duration::from_secs(15);
+
+/// When hands last put modules somewhere, or misled them.
+#[derive(Default)]
+pub(super) struct Hands {
+    carried: BTreeMap<ModuleId, Duration>,
+}
+
+impl Hands {
+    /// Whether a module was ever carried.
+    pub fn has_carried(&self, module: ModuleId) -> bool {
+        self.carried.contains_key(&module)
+    }
+
+    /// Whether a module may still take itself to be where it was.
+    pub fn may_be_off(&self, module: ModuleId, at: Duration) -> bool {
+        let carried = self.carried.get(&module);
+        carried.is_some_and(|&carried| at <= carried + NOTICED)
+    }
+
+    /// Whether a hand made two modules meet.
+    pub fn made_contact(&self, (one, other): (ModuleId, ModuleId), at: Duration) -> bool {
+        [one, other].into_iter().any(|module| {
+            let carried = self.carried.get(&module);
+            carried.is_some_and(|&carried| at <= carried + REACTION)
+        })
+    }
+}
+
+impl Monitor {
+    pub(super) fn note_carried(
+        &mut self,
+        at: Duration,
+        module: ModuleId,
+        pose: Pose,
+        cluster: &Cluster,
+    ) {
+        self.hands.carried.insert(module, at);
+        self.bodies.put(at, module, pose, cluster);
+    }
+}
