@@ -16,8 +16,8 @@ use crate::process::{Way, shifted};
 const APART: f64 = 1.45;
 const SIDE: f64 = 1.0;
 
-/// Ports lock only between modules that are nearer than this to their spots, in units.
-const REACH: f64 = 0.2;
+/// Ports reach no further than this from centre to centre, in units: off the lattice, spots may be up to two units apart.
+const REACH: f64 = 2.3;
 
 /// The directions in which a hand tries to put a module, in parts of a full turn.
 const DIRECTIONS: u32 = 16;
@@ -128,24 +128,14 @@ impl Cluster {
         })
     }
 
-    /// What the ports report that are to dock two modules to each other: they lock if both are where they are to be.
+    /// What the ports report that are to dock two modules to each other: they lock if these are near each other.
     pub(super) fn try_to_dock(&self, one: ModuleId, other: ModuleId) -> MotionReport {
-        let is_near = [one, other]
-            .into_iter()
-            .all(|module| self.is_on_spot(module));
+        let bodies = self.body(one).zip(self.body(other));
+        let is_near = bodies.is_none_or(|(one, other)| one.distance_to(&other).to_units() < REACH);
         match is_near {
             true => MotionReport::Docked(other),
             false => MotionReport::Undocked(other),
         }
-    }
-
-    /// Whether the body of a module is where its plan has its spot, if that is known.
-    fn is_on_spot(&self, module: ModuleId) -> bool {
-        let spot = self.standing(module).and_then(|standing| standing.spot);
-        let target = self.announcement().and_then(|known| known.target.as_ref());
-        let place = target.and_then(|target| target.spot(spot?));
-        let distance = place.zip(self.body(module));
-        distance.is_none_or(|(place, body)| body.distance_to(&place.pose).to_units() < REACH)
     }
 
     fn put(&mut self, module: ModuleId, way: Way) {
