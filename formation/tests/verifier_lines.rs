@@ -46,6 +46,7 @@ pub fn judges(outcome: Outcome, assignments: &[(u32, u32)], open_spots: &[u32]) 
         counts: Counts::default(),
         collision_free: true,
         collision_reason: None,
+        not_judged: Vec::new(),
     }))
 }
 

@@ -34,6 +34,7 @@ OUTCOMES = {
     Verdict.OUTCOME_COMPLETE: "COMPLETE",
     Verdict.OUTCOME_PARTIAL: "PARTIAL",
     Verdict.OUTCOME_FAILED: "FAILED",
+    Verdict.OUTCOME_NOT_JUDGED: "NOT_JUDGED",
 }
 
 
@@ -76,7 +77,8 @@ def main():
     rclpy.try_shutdown()
     if follower.verdict is None:
         return 130
-    return 1 if follower.verdict.outcome == Verdict.OUTCOME_FAILED else 0
+    statuses = {Verdict.OUTCOME_FAILED: 1, Verdict.OUTCOME_NOT_JUDGED: 3}
+    return statuses.get(follower.verdict.outcome, 0)
 
 
 if __name__ == "__main__":

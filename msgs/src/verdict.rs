@@ -36,6 +36,8 @@ impl Verdict {
     pub const OUTCOME_COMPLETE: u8 = 1;
     pub const OUTCOME_PARTIAL: u8 = 2;
     pub const OUTCOME_FAILED: u8 = 3;
+    /// Done, but bodies overlapped by less than the tolerances of their poses; see `collision_reason`.
+    pub const OUTCOME_NOT_JUDGED: u8 = 4;
 
     /// The outcome of a verdict that is within its bounds.
     ///
@@ -62,12 +64,26 @@ impl Verdict {
             Self::OUTCOME_COMPLETE => Ok(Outcome::Complete),
             Self::OUTCOME_PARTIAL => Ok(Outcome::Partial),
             Self::OUTCOME_FAILED => Ok(Outcome::Failed),
+            Self::OUTCOME_NOT_JUDGED => Ok(Outcome::NotJudged),
             unknown => Err(FieldError::unknown(
                 "outcome",
                 unknown,
-                "COMPLETE 1, PARTIAL 2, FAILED 3",
+                "COMPLETE 1, PARTIAL 2, FAILED 3, NOT_JUDGED 4",
             )),
         }
+    }
+}
+
+/// Why it is not known, or known not to be so, that bodies did not meet; empty if they did not.
+fn collision_reason(verdict: &verify::Verdict) -> String {
+    let unjudged = verdict.unjudged.iter();
+    let unjudged: Vec<String> = unjudged
+        .map(|(module, time)| format!("{module}, {:.1} s", time.as_secs_f64()))
+        .collect();
+    match verdict.collision_risk {
+        Some(risk) => risk.to_string(),
+        None if unjudged.is_empty() => String::new(),
+        None => format!("not judged ({})", unjudged.join("; ")),
     }
 }
 
@@ -91,6 +107,7 @@ impl From<&verify::Verdict> for Verdict {
                 Outcome::Complete => Self::OUTCOME_COMPLETE,
                 Outcome::Partial => Self::OUTCOME_PARTIAL,
                 Outcome::Failed => Self::OUTCOME_FAILED,
+                Outcome::NotJudged => Self::OUTCOME_NOT_JUDGED,
             },
             filled_spots: u32::try_from(verdict.filled_spots).unwrap_or(u32::MAX),
             spots: u32::try_from(spots).unwrap_or(u32::MAX),
@@ -105,11 +122,8 @@ impl From<&verify::Verdict> for Verdict {
                 .iter()
                 .map(|blocked| SpotSelection::new(blocked.spot, blocked.module))
                 .collect(),
-            collision_free: verdict.collision_risk.is_none(),
-            collision_reason: verdict
-                .collision_risk
-                .map(|risk| shortened(risk.to_string(), VIOLATION_BYTES_MAX))
-                .unwrap_or_default(),
+            collision_free: verdict.collision_risk.is_none() && verdict.unjudged.is_empty(),
+            collision_reason: shortened(collision_reason(verdict), VIOLATION_BYTES_MAX),
             violations: bounded(
                 verdict
                     .violations

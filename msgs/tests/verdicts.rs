@@ -27,6 +27,7 @@ fn verdict() -> Verdict {
         timings: Timings::default(),
         counts: Counts::default(),
         collision_risk: None,
+        unjudged: BTreeMap::new(),
     }
 }
 
@@ -64,6 +65,8 @@ fn a_verdict_goes_out_whole() {
     };
     assert_eq!(outcome(Outcome::Complete), wire::Verdict::OUTCOME_COMPLETE);
     assert_eq!(outcome(Outcome::Failed), wire::Verdict::OUTCOME_FAILED);
+    let not_judged = wire::Verdict::OUTCOME_NOT_JUDGED;
+    assert_eq!(outcome(Outcome::NotJudged), not_judged);
 }
 
 #[test]

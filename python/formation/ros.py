@@ -277,7 +277,7 @@ def _set_planner(message: Any, scenario: Scenario) -> None:
 
 
 def _verdict(message: Any) -> Verdict:
-    outcomes = {message.OUTCOME_COMPLETE: "COMPLETE", message.OUTCOME_PARTIAL: "PARTIAL", message.OUTCOME_FAILED: "FAILED"}
+    outcomes = {message.OUTCOME_COMPLETE: "COMPLETE", message.OUTCOME_PARTIAL: "PARTIAL", message.OUTCOME_FAILED: "FAILED", 4: "NOT_JUDGED"}
     return Verdict(
         outcome=outcomes.get(message.outcome, "FAILED"),
         filled=message.filled_spots,

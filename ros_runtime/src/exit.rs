@@ -20,6 +20,8 @@ pub const STATUS_DONE: u8 = 0;
 pub const STATUS_FAILED: u8 = 1;
 /// The arguments, files or environment of the process cannot be used.
 pub const STATUS_BAD_INPUT: u8 = 2;
+/// The work is done, and the poses are not exact enough to tell whether it is right.
+pub const STATUS_NOT_JUDGED: u8 = 3;
 
 /// How long a process that was asked to end has to leave the graph.
 pub const EXIT_GRACE: Duration = Duration::from_millis(1_500);
@@ -40,6 +42,9 @@ pub enum Failure {
     /// Something failed later.
     #[error("{}", with_causes(.0))]
     Failed(anyhow::Error),
+    /// What was done cannot be judged.
+    #[error("{0}")]
+    NotJudged(String),
     /// A signal asked the process to end before its work was done.
     #[error("{0}")]
     Interrupted(String, i32),
@@ -86,6 +91,7 @@ pub fn conclude(result: Result<u8, Failure>) -> ExitCode {
     }
     let status = match failure {
         Failure::BadInput(_) => STATUS_BAD_INPUT,
+        Failure::NotJudged(_) => STATUS_NOT_JUDGED,
         // What a shell reports for a process that the signal ended.
         Failure::Interrupted(_, signal) => u8::try_from(128 + signal).unwrap_or(STATUS_FAILED),
         Failure::Failed(_) | Failure::OutputClosed => STATUS_FAILED,

@@ -311,6 +311,11 @@ fn judged(verdict: &Verdict) -> End {
     let (status, message) = match verdict.outcome {
         Verdict::OUTCOME_COMPLETE => (GoalStatusEnum::Succeeded, format!("COMPLETE: {filled}")),
         Verdict::OUTCOME_PARTIAL => (GoalStatusEnum::Succeeded, format!("PARTIAL: {filled}")),
+        Verdict::OUTCOME_NOT_JUDGED => {
+            let reason = &verdict.collision_reason;
+            let message = format!("NOT_JUDGED: {filled}; {reason}");
+            (GoalStatusEnum::Aborted, message)
+        }
         _ => {
             let wrong = verdict.violations.join("; ");
             (

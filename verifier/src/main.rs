@@ -18,7 +18,7 @@ use verifier::verification::{News, VerifierProcess};
 /// How long subscribers have to take the verdict.
 const LINGER: Duration = Duration::from_millis(500);
 
-/// Observes a formation from the topics alone and judges it: exit status 0 for COMPLETE and PARTIAL, 1 for FAILED.
+/// Observes a formation from the topics alone and judges it: exit status 0 for COMPLETE and PARTIAL, 1 for FAILED, 3 for NOT_JUDGED.
 #[derive(Parser)]
 #[command(version = formation_version::VERSION)]
 struct Arguments {

@@ -2,10 +2,10 @@
 
 use formation_model::text::listed_in_full;
 use formation_verifier_lines::{
-    AgreementReport, NOT_COLLISION_FREE, ReportLine, VerdictReport, outcome_text,
+    AgreementReport, NOT_COLLISION_FREE, ReportLine, VerdictReport, outcome_text, unjudged_text,
 };
 use formation_verify::Outcome;
-use ros_runtime::exit::{STATUS_DONE, STATUS_FAILED};
+use ros_runtime::exit::{STATUS_DONE, STATUS_FAILED, STATUS_NOT_JUDGED};
 
 use crate::verification::End;
 
@@ -34,6 +34,10 @@ fn verdict_text(verdict: &VerdictReport) -> String {
         verdict.filled_spots + verdict.open_spots.len(),
         verdict.blocked_spots.len(),
     )];
+    if verdict.outcome == Outcome::NotJudged {
+        let unjudged = unjudged_text(&verdict.not_judged);
+        lines.insert(0, format!("NOT_JUDGED {unjudged}"));
+    }
     if verdict.outcome == Outcome::Partial {
         let open = listed_in_full(verdict.open_spots.iter().copied());
         lines.push(format!("left open: {open}"));
@@ -81,6 +85,7 @@ fn violations(sentences: &[String]) -> impl Iterator<Item = String> + '_ {
 #[must_use]
 pub fn end_status(end: &End) -> u8 {
     let is_good = match end {
+        End::Judged(verdict) if verdict.outcome == Outcome::NotJudged => return STATUS_NOT_JUDGED,
         End::Judged(verdict) => verdict.outcome != Outcome::Failed,
         End::Agreed(agreement) => agreement.violations.is_empty(),
     };
@@ -114,6 +119,7 @@ mod tests {
             },
             counts: Counts::default(),
             collision_risk: None,
+            unjudged: std::collections::BTreeMap::new(),
         }
     }
 

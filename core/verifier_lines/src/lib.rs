@@ -1,12 +1,13 @@
 //! What a verifier prints for programs: one JSON object a line. The launcher reads the same types.
 
 use std::collections::BTreeMap;
-use std::fmt::Display;
+use std::fmt::{self, Display, Formatter};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use formation_event_log::{Entry, milliseconds};
+use formation_model::text::joined;
 use formation_model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
 use formation_verify::{Agreement, Counts, Outcome, Progress, Timings, Verdict};
 
@@ -64,6 +65,37 @@ pub struct VerdictReport {
     /// Why they were not free of collisions.
     #[serde(default)]
     pub collision_reason: Option<String>,
+    /// The modules of which it is not known whether they touched others, as their poses are not exact enough, and for how long.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_judged: Vec<Unjudged>,
+}
+
+/// A module of which it is not known whether it touched others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Unjudged {
+    /// The module.
+    pub module: ModuleId,
+    /// For how long, in milliseconds.
+    pub ms: u64,
+}
+
+impl Display for Unjudged {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let tenths = self.ms.div_ceil(100);
+        write!(
+            formatter,
+            "{}, {}.{} s",
+            self.module,
+            tenths / 10,
+            tenths % 10
+        )
+    }
+}
+
+/// The modules that were not judged, in brackets.
+#[must_use]
+pub fn unjudged_text(not_judged: &[Unjudged]) -> String {
+    format!("({})", joined(not_judged, "; "))
 }
 
 fn yes() -> bool {
@@ -115,8 +147,21 @@ impl From<&Verdict> for VerdictReport {
             counts: verdict.counts,
             collision_free: verdict.collision_risk.is_none(),
             collision_reason: verdict.collision_risk.map(|risk| risk.to_string()),
+            not_judged: unjudged(verdict),
         }
     }
+}
+
+/// The modules that a verdict leaves unjudged.
+#[must_use]
+pub fn unjudged(verdict: &Verdict) -> Vec<Unjudged> {
+    let unjudged = verdict.unjudged.iter();
+    unjudged
+        .map(|(&module, &time)| Unjudged {
+            module,
+            ms: milliseconds(time),
+        })
+        .collect()
 }
 
 impl From<&Timings> for TimingsReport {
@@ -154,6 +199,9 @@ pub fn outcome_text(outcome: Outcome, filled: usize, spots: usize, blocked: usiz
         ),
         Outcome::Partial => format!(
             "PARTIAL: {filled} of {spots} spots are filled, as many as there are modules, hole-free"
+        ),
+        Outcome::NotJudged => format!(
+            "NOT_JUDGED: {filled} of {spots} spots are filled, and bodies overlapped by less than the tolerances of their poses"
         ),
         Outcome::Failed if spots == 0 => "FAILED".to_owned(),
         Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
@@ -218,6 +266,7 @@ mod tests {
             },
             counts: Counts::default(),
             collision_risk: Some(CollisionRisk::NoPaths(EPOCH)),
+            unjudged: BTreeMap::new(),
         };
         assert_eq!(
             read(&ReportLine::Verdict((&verdict).into())),
@@ -243,6 +292,16 @@ mod tests {
                     "modules moved in straight lines in epoch 2.1, because there were no paths",
             }})
         );
+    }
+
+    #[test]
+    fn what_was_not_judged_names_modules_and_times() {
+        let unjudged = |module, ms| Unjudged {
+            module: ModuleId(module),
+            ms,
+        };
+        let text = unjudged_text(&[unjudged(3, 4_150), unjudged(7, 90)]);
+        assert_eq!(text, "(module 3, 4.2 s; module 7, 0.1 s)");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use formation_model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
 use formation_motion::WorldReport;
 use formation_offline::{CheckedPlan, PlanReport, aligned};
 use formation_report::Fact;
-use formation_verifier_lines::{NOT_COLLISION_FREE, outcome_text};
+use formation_verifier_lines::{NOT_COLLISION_FREE, Unjudged, outcome_text, unjudged_text};
 use formation_verify::Outcome;
 use ros_runtime::exit::{Failure, one_line};
 use serde::{Serialize, Serializer};
@@ -56,6 +56,9 @@ pub struct RunReport {
     /// Whether modules moved along paths only, and no bodies overlapped; `None` where modules only agree.
     collision_free: Option<bool>,
     collision_reason: Option<String>,
+    /// The modules of which it is not known whether they touched others, and for how long.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    not_judged: Vec<Unjudged>,
     /// The spots that bodies block, by the verdict.
     blocked_spots: Vec<BlockedSpot>,
     /// What the physical world counted, if there was one.
@@ -130,6 +133,7 @@ impl RunReport {
             filled_spots: 0,
             collision_free: None,
             collision_reason: None,
+            not_judged: Vec::new(),
             blocked_spots: Vec::new(),
             world: observed.world.clone(),
         };
@@ -148,6 +152,7 @@ impl RunReport {
                 report.acting_ms = verdict.acting_ms;
                 report.collision_free = Some(verdict.collision_free);
                 report.collision_reason = verdict.collision_reason;
+                report.not_judged = verdict.not_judged;
             }
             Judgement::Agreement(agreement) => {
                 statistics.assignments = agreement.assignments;
@@ -374,6 +379,12 @@ impl RunReport {
             let reasons = reasons.chain(self.left_open());
             let reasons = joined(self.time_was_up().into_iter().chain(reasons), "; ");
             return failed(format!("the formation failed: {reasons}"));
+        }
+        if self.verdict == RunOutcome::Judged(Outcome::NotJudged) {
+            let not_judged = unjudged_text(&self.not_judged);
+            return Err(Failure::NotJudged(format!(
+                "NOT_JUDGED {not_judged}: bodies overlapped by less than the tolerances of their poses"
+            )));
         }
         // The offline plan is made for all modules. With fewer, its spots still have to be filled.
         let filled = match self.verdict {

@@ -190,7 +190,7 @@ impl RunLoop<'_> {
                 let may_change = match verdict.outcome {
                     Outcome::Failed => set_aside.is_some(),
                     Outcome::Complete => self.relies_on_the_dead(&verdict),
-                    Outcome::Partial => {
+                    Outcome::Partial | Outcome::NotJudged => {
                         self.relies_on_the_dead(&verdict) || self.leaves_out_the_living(&verdict)
                     }
                 };

@@ -48,22 +48,29 @@ impl Observer {
             self.received.bodies.settle();
         }
         if !missing.is_empty() {
-            self.reached_since = None;
+            (self.reached_since, self.breached_since) = (None, None);
             return is_late.then(|| self.report(now, missing, None));
         }
         let since = *self.reached_since.get_or_insert(now);
         let mut verdict = self.report(now, missing, Some(since));
-        self.has_breaches = !verdict.violations.is_empty();
-        if self.has_breaches {
+        if verdict.violations.is_empty() {
+            self.breached_since = None;
+        } else {
+            // What was whole may have been pushed apart: that is no breach if the modules mend it.
+            let since = *self.breached_since.get_or_insert(now);
             let is_final = is_late && !self.is_reviewed || now >= self.final_from(since);
             return is_final.then_some(verdict);
         }
         let is_final = is_late || now >= since.saturating_add(self.parameters.grace);
-        if verdict.open_spots.is_empty() {
-            verdict.outcome = Outcome::Complete;
+        let is_whole = verdict.open_spots.is_empty();
+        verdict.outcome = match is_whole {
+            _ if !verdict.unjudged.is_empty() => Outcome::NotJudged,
+            true => Outcome::Complete,
+            false => Outcome::Partial,
+        };
+        if is_whole {
             return Some(verdict);
         }
-        verdict.outcome = Outcome::Partial;
         let members = verdict.assignments.len() + verdict.unassigned.len();
         let is_short = self.expected_count().is_some_and(|count| members < count);
         (is_final || !is_short).then_some(verdict)
@@ -179,6 +186,7 @@ impl Observer {
                 ..Counts::default()
             },
             collision_risk: None,
+            unjudged: self.received.bodies.unjudged.clone(),
         };
         let current = self.received.current();
         for (epoch, record) in epochs {

@@ -20,8 +20,8 @@ pub struct Observer {
     pub(super) received: Received,
     /// Since when the end state has been reached without a break.
     pub(super) reached_since: Option<Duration>,
-    /// Whether violations were found in it.
-    pub(super) has_breaches: bool,
+    /// Since when violations were found in it, without a break.
+    pub(super) breached_since: Option<Duration>,
     /// Since when an end state that was judged is no longer reached.
     broken_since: Option<Duration>,
     /// The time from which the time limit counts.
@@ -48,7 +48,7 @@ impl Observer {
             received: Received::new(&parameters),
             parameters,
             reached_since: None,
-            has_breaches: false,
+            breached_since: None,
             broken_since: None,
             limit_from: Duration::ZERO,
             stopped_since: None,
@@ -75,9 +75,9 @@ impl Observer {
             return None;
         }
         let limit = self.time_limit();
-        let due = |since: Duration| match self.has_breaches {
-            true => self.final_from(since),
-            false => since.saturating_add(self.parameters.grace),
+        let due = |since: Duration| match self.breached_since {
+            Some(since) => self.final_from(since),
+            None => since.saturating_add(self.parameters.grace),
         };
         Some(
             self.reached_since
@@ -120,6 +120,7 @@ impl Observer {
         let known = self.verdict.take();
         if !has_target || has_new_target {
             self.broken_since = None;
+            self.received.bodies.unjudged.clear();
             self.reported
                 .extend(known.into_iter().flat_map(|known| known.violations));
             self.forget_reported();

@@ -19,6 +19,9 @@ pub enum Outcome {
     Partial,
     /// There are violations, or the formation was not done in time.
     Failed,
+    /// The formation is done, and bodies overlapped by no more than the stated uncertainty of both: whether they touched is not known.
+    #[serde(rename = "NOT_JUDGED")]
+    NotJudged,
 }
 
 /// Why modules may have run into each other. The message of each variant describes it.
@@ -106,6 +109,8 @@ pub struct Verdict {
     pub counts: Counts,
     /// Why the motion was not free of collisions, if it was not.
     pub collision_risk: Option<CollisionRisk>,
+    /// The moving modules of which it is not known whether they touched others, and for how long.
+    pub unjudged: BTreeMap<ModuleId, Duration>,
 }
 
 /// A plan whose digest every member of its epoch has shown.

@@ -59,6 +59,7 @@ fn verdict(outcome: Outcome, spots: [u32; 2]) -> VerdictReport {
         counts: Default::default(),
         collision_free: true,
         collision_reason: None,
+        not_judged: Vec::new(),
     }
 }
 

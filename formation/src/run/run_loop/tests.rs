@@ -125,6 +125,7 @@ fn verdict(outcome: Outcome, module: u32) -> String {
         counts: Default::default(),
         collision_free: true,
         collision_reason: None,
+        not_judged: Vec::new(),
     }))
 }
 

@@ -76,6 +76,8 @@ pub(super) struct Bodies {
     suspicions: Vec<Suspicion>,
     /// The gravest breach of each promise.
     found: BTreeMap<Pair, Found>,
+    /// How long each module that moved overlapped others by no more than the stated uncertainty.
+    pub(super) unjudged: BTreeMap<ModuleId, Duration>,
     /// The number of segments that were compared with all others.
     pub(super) segments: u64,
 }
@@ -230,14 +232,21 @@ impl Bodies {
     }
 
     fn is_breach(&self, one: &Segment, other: &Segment) -> bool {
-        self.overlap(one, other).is_some() || self.early_entry(one, other).is_some()
+        self.overlap(one, other).is_some()
+            || self.early_entry(one, other).is_some()
+            || self.is_doubtful(one, other)
     }
 
     /// Records what two segments show, unless their modules are docked.
     fn compare(&mut self, one: &Segment, other: &Segment) {
         let (found, early) = (self.overlap(one, other), self.early_entry(one, other));
-        if found.is_none() && early.is_none() || self.are_docked(one, other.module) {
+        let is_doubtful = self.is_doubtful(one, other);
+        if found.is_none() && early.is_none() && !is_doubtful || self.are_docked(one, other.module)
+        {
             return;
+        }
+        if is_doubtful {
+            self.note_unjudged(one, other);
         }
         let places = [one, other].map(|one| (one.module, one.leg.to));
         for breach in found.into_iter().chain(early) {
@@ -271,13 +280,43 @@ impl Bodies {
             .filter(|_| on_paths)
     }
 
-    /// Two bodies overlap by more than the clearance and what an error of the clocks explains.
+    /// By how much two bodies may seem to overlap without a contact: by the clearance, or by the stated tolerances of both poses if
+    /// these are more.
+    fn uncertainty(&self) -> f64 {
+        (1.0 - self.width()).max(2.0 * self.position_tolerance)
+    }
+
+    /// Whether two bodies that are not found to touch overlap by more than the clearance explains: the tolerances of their poses may
+    /// hide a contact.
+    fn is_doubtful(&self, one: &Segment, other: &Segment) -> bool {
+        let (width, error) = (self.width(), self.clock_error);
+        if self.uncertainty() <= 1.0 - width || Self::judged_epoch(one, other).is_none() {
+            return false;
+        }
+        let deepest = one.leg.deepest(&other.leg, self.body());
+        let speed = one.leg.error_speed(&other.leg, width);
+        let explained = 1.0 - width + speed * error.as_secs_f64();
+        deepest.is_some_and(|(_, depth)| depth > explained) && self.overlap(one, other).is_none()
+    }
+
+    /// Adds the time that two segments have in common to that for which those of their modules that move are not judged.
+    fn note_unjudged(&mut self, one: &Segment, other: &Segment) {
+        let common = one.leg.common(&other.leg);
+        let lasted = common.map_or(Duration::ZERO, |(begin, end)| end.saturating_sub(begin));
+        for segment in [one, other].into_iter().filter(|one| one.leg.moves()) {
+            if self.unjudged.len() < MODULES_MAX || self.unjudged.contains_key(&segment.module) {
+                *self.unjudged.entry(segment.module).or_default() += lasted;
+            }
+        }
+    }
+
+    /// Two bodies overlap by more than the clearance, or the tolerances of both, and what an error of the clocks explains.
     fn overlap(&self, one: &Segment, other: &Segment) -> Option<Breach> {
         let epoch = Self::judged_epoch(one, other)?;
         let (width, error) = (self.width(), self.clock_error);
         let (at, depth) = one.leg.deepest(&other.leg, self.body())?;
         let speed = one.leg.error_speed(&other.leg, width);
-        if depth <= 1.0 - width + speed * error.as_secs_f64() {
+        if depth <= self.uncertainty() + speed * error.as_secs_f64() {
             return None;
         }
         let depth = MicroUnits::from_units(depth).ok()?;
@@ -298,9 +337,8 @@ impl Bodies {
         let epoch = Self::judged_epoch(one, other)?;
         let (begin, end) = one.leg.common(&other.leg)?;
         let early = end.saturating_sub(begin);
-        let width = self.width();
-        if early <= self.clock_error || one.leg.swept_depth(&other.leg, self.body())? <= 1.0 - width
-        {
+        let depth = one.leg.swept_depth(&other.leg, self.body())?;
+        if early <= self.clock_error || depth <= self.uncertainty() {
             return None;
         }
         let is_later = |one: &Segment, other: &Segment| {

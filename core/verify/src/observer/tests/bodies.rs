@@ -402,3 +402,80 @@ fn straight_lines_are_marked_and_not_judged() {
     assert_eq!(good.outcome, Outcome::Complete);
     assert_eq!(good.collision_risk, Some(CollisionRisk::NoPaths(EPOCH)));
 }
+
+/// Modules 8 and 9 pass each other beside the formation, so near that their bodies overlap by 0.2 units by their poses.
+fn with_a_doubtful_pass() -> Sequence {
+    let pass = [
+        (8, 1_000, 0, 500, Moving, 0),
+        (8, 2_000, 40, 500, Standing, 4),
+        (9, 100, 20, 507, Standing, 0),
+        (9, 3_000, 20, 507, Standing, 0),
+    ];
+    let mut sequence = good_sequence();
+    sequence.states.extend(on_paths(&pass).states);
+    sequence
+}
+
+/// Shows V1.
+#[test]
+fn bodies_that_overlap_by_less_than_the_tolerances_of_their_poses_are_not_judged() {
+    let sequence = with_a_doubtful_pass();
+    let judge = |position_tolerance| {
+        let parameters = ObserverParameters {
+            position_tolerance: MicroUnits(position_tolerance),
+            ..patient()
+        };
+        let mut observer = observe(&sequence.messages(), parameters);
+        let due = observer.poll_timeout().unwrap();
+        observer.verdict(due).unwrap().clone()
+    };
+    let verdict = judge(50_000);
+    assert_eq!(verdict.outcome, Outcome::Failed);
+    assert!(verdict.collision_risk.is_some());
+    let verdict = judge(150_000);
+    assert_eq!(
+        (verdict.violations.as_slice(), verdict.collision_risk),
+        ([].as_slice(), None)
+    );
+    assert_eq!(verdict.outcome, Outcome::NotJudged);
+    let second = Duration::from_secs(1);
+    assert_eq!(verdict.unjudged, BTreeMap::from([(ModuleId(8), second)]));
+    assert_eq!(good_sequence().verdict().unjudged, BTreeMap::new());
+}
+
+/// A hand has carried module 8 through module 9.
+/// Shows V5.
+#[test]
+fn the_way_on_which_a_module_was_displaced_is_not_judged() {
+    use DriveState::Displaced;
+    let carried = [
+        (8, 1_000, 0, 500, Standing, 0),
+        (8, 1_200, 40, 500, Displaced, 0),
+        (8, 4_000, 40, 500, Standing, 0),
+        (9, 100, 20, 500, Standing, 0),
+        (9, 5_000, 20, 500, Standing, 0),
+    ];
+    on_paths(&carried).assert_broken(&[]);
+    let driven = carried.map(|moment| match moment {
+        (8, 1_000, x, y, _, steps) => (8, 1_000, x, y, Moving, steps),
+        (8, 1_200, x, y, _, steps) => (8, 1_200, x, y, Standing, steps),
+        other => other,
+    });
+    assert!(!on_paths(&driven).broken().is_empty());
+}
+
+/// It has not settled until it is back.
+/// Shows V5.
+#[test]
+fn a_settled_module_that_shows_that_it_was_displaced_is_missing() {
+    let mut sequence = good_sequence();
+    sequence.state(3, 3).drive = DriveState::Displaced;
+    let verdict = sequence.verdict();
+    assert_eq!(verdict.outcome, Outcome::Failed);
+    assert!(verdict.violations.is_empty(), "{:?}", verdict.violations);
+    let missing: Vec<String> = verdict.missing.iter().map(ToString::to_string).collect();
+    assert!(
+        missing.iter().any(|one| one.contains("module 3")),
+        "{missing:?}"
+    );
+}
