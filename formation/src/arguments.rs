@@ -1,5 +1,6 @@
 //! The command line.
 
+mod check;
 #[cfg(feature = "experiments")]
 mod compare;
 mod generate;
@@ -33,6 +34,7 @@ use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::Domain;
 use ros_runtime::middleware::Middleware;
 
+pub use check::CheckArguments;
 #[cfg(feature = "experiments")]
 pub use compare::CompareArguments;
 pub use generate::GenerateArguments;
@@ -58,22 +60,14 @@ Exit status:
   0  done
   1  the formation failed, or its result is wrong
   2  bad input or usage
+  3  not judged: formed, but the poses are not exact enough to tell whether bodies touched
   129, 130, 143  interrupted by SIGHUP, Ctrl-C (SIGINT) or SIGTERM";
 
 /// What the launcher can do.
 #[derive(Debug, Subcommand)]
 pub enum FormationCommand {
     /// Check that a scenario is valid and that its spots can be reached; say what is wrong, where and why.
-    Check {
-        /// The scenario file (YAML); - for the standard input.
-        scenario: PathBuf,
-        /// How the robots drive: in every direction, or along their heading only, for which they turn in place.
-        #[arg(long, value_name = "KIND", default_value = HOLONOMIC, value_parser = [HOLONOMIC, DIFFERENTIAL])]
-        drive: String,
-        /// Print one JSON object instead of a line.
-        #[arg(long)]
-        json: bool,
-    },
+    Check(CheckArguments),
     /// Draw a scenario as text, in the form that a scenario file may have; modules and spots must stand on a lattice.
     Show {
         /// The scenario file (YAML); - for the standard input.

@@ -9,15 +9,55 @@ use formation_offline::{CheckReport, CheckedPlan, docked_count, oddities};
 use formation_planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
 
-use crate::arguments::DIFFERENTIAL;
+use crate::arguments::{CheckArguments, DIFFERENTIAL};
 use crate::plan_output::PlanOutput;
+use crate::robot_budget::{Budget, Robot};
 use crate::{console, scenario_file};
 
 /// Validates a scenario file, plans it, and prints a summary of it.
 ///
 /// # Errors
 /// Names the file, the place and what is wrong there, or the spot that cannot be reached, or that the plan has a hole.
-pub fn check(path: &Path, drive: &str, json: bool) -> Result<(), Failure> {
+pub fn check(arguments: &CheckArguments) -> Result<(), Failure> {
+    match (&arguments.scenario, arguments.robot) {
+        (scenario, Some(robot)) => check_robot(scenario.as_deref(), robot, arguments),
+        (Some(scenario), None) => check_scenario(scenario, &arguments.drive, arguments.json),
+        (None, None) => Err(Failure::bad_input("a scenario or --robot is needed")),
+    }
+}
+
+/// Prints what a robot needs, and checks that a scenario leaves it.
+fn check_robot(
+    path: Option<&Path>,
+    robot: Robot,
+    arguments: &CheckArguments,
+) -> Result<(), Failure> {
+    let lengths = [("--error", arguments.error), ("--stop", arguments.stop)];
+    for (option, length) in lengths {
+        if !(length.is_finite() && length >= 0.0) {
+            return Err(Failure::bad_input(format_args!(
+                "{option}: {length} is no length in metres"
+            )));
+        }
+    }
+    let budget = Budget::of(robot, arguments.error, arguments.stop);
+    let scenario = path.map(scenario_file::load).transpose()?;
+    match arguments.json {
+        true => console::result_json(&budget)?,
+        false => console::result_text(&budget.text())?,
+    }
+    let lacks = scenario.map(|scenario| budget.lacks(robot, &scenario));
+    let lacks = lacks.unwrap_or_default().join("; ");
+    match (path, lacks.is_empty()) {
+        (Some(path), false) => {
+            let name = scenario_file::named(path);
+            Err(Failure::failed(format_args!("{name}: {lacks}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_scenario(path: &Path, drive: &str, json: bool) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     refuse_long_plans(path, &scenario)?;
     warn(path, &scenario);

@@ -21,6 +21,7 @@ mod progress;
 #[cfg(feature = "recordings")]
 mod recorded;
 mod report;
+mod robot_budget;
 mod role;
 mod router;
 mod run;
@@ -46,11 +47,7 @@ use crate::run::operator;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
-        FormationCommand::Check {
-            scenario,
-            drive,
-            json,
-        } => check::check(&scenario, &drive, json),
+        FormationCommand::Check(arguments) => check::check(&arguments),
         FormationCommand::Show { scenario, svg } => show::show(&scenario, svg),
         FormationCommand::Schema => show::schema(),
         FormationCommand::Run(arguments) => run::run(&arguments),
