@@ -2,10 +2,10 @@
 
 Usage:
     drive_modules.py --scenario FILE [--domain D] [--pose-source pose|odom] [--speed UNITS_PER_S]
-                     [--clock-ahead S] [--deaf MODULE...] [--undockable MODULE...]
+                     [--clock-ahead S] [--deaf MODULE...] [--undockable MODULE...] [--push MODULE:X:Y:S...]
 
 The clock that stamps the poses may be ahead of that of the machine. A deaf module publishes its pose and never moves; an
-undockable one never answers docking requests.
+undockable one never answers docking requests. A hand pushes a module by X and Y once S seconds have passed since the first goal.
 """
 
 import argparse
@@ -25,11 +25,17 @@ from robot_model import Pose, Robot, start_poses  # noqa: E402
 INTERVAL_S = 0.05
 
 
+def push(text):
+    module, x, y, after = text.split(":")
+    return int(module), float(x), float(y), float(after)
+
+
 class Driver:
     def __init__(self, session, module, robot, source, clock_ahead):
         self.session, self.module, self.robot, self.clock_ahead = session, module, robot, clock_ahead
         self.pose_type = "nav_msgs/msg/Odometry" if source == "odom" else "geometry_msgs/msg/PoseStamped"
         topic = f"module_{module}"
+        self.has_goal = False
         self.poses = session.other_writer(f"{topic}/{source}", self.pose_type)
         self.results = session.other_writer(f"{topic}/docking_result", "formation_msgs/msg/DockingResult")
         self.goals = session.other_reader(f"{topic}/goal_pose", "geometry_msgs/msg/PoseStamped")
@@ -38,6 +44,7 @@ class Driver:
     def listen(self, now, is_deaf, is_undockable):
         for goal in self.goals.take(N=16):
             if goal.sample_info.valid_data and not is_deaf:
+                self.has_goal = True
                 position, orientation = goal.pose.position, goal.pose.orientation
                 heading = 2.0 * math.atan2(orientation.z, orientation.w)
                 echo = goal.header.stamp
@@ -77,6 +84,7 @@ def main():
     parser.add_argument("--clock-ahead", type=float, default=0.0)
     parser.add_argument("--deaf", type=int, nargs="*", default=[])
     parser.add_argument("--undockable", type=int, nargs="*", default=[])
+    parser.add_argument("--push", type=push, nargs="*", default=[])
     options = parser.parse_args()
     interrupted = interrupted_once()
     session = Session(options.domain)
@@ -86,6 +94,8 @@ def main():
         )
         for module, pose in sorted(start_poses(options.scenario).items())
     ]
+    pushes = options.push
+    began = None
     last = time.monotonic()
     while not interrupted.is_set():
         time.sleep(INTERVAL_S)
@@ -94,6 +104,15 @@ def main():
             driver.listen(now, driver.module in options.deaf, driver.module in options.undockable)
             driver.robot.step(now, now - last)
             driver.publish_pose()
+        if began is None and any(driver.has_goal for driver in drivers):
+            began = now
+        due = [one for one in pushes if began is not None and now >= began + one[3]]
+        pushes = [one for one in pushes if one not in due]
+        for module, x, y, _ in due:
+            for driver in drivers:
+                if driver.module == module:
+                    pose = driver.robot.pose
+                    driver.robot.pose = Pose(pose.x + x, pose.y + y, pose.theta)
         last = now
 
 

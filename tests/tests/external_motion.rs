@@ -64,6 +64,23 @@ fn driven_modules_undock_move_dock_and_leave_no_hole() {
     assert_eq!(errors(&run), [""; 0]);
 }
 
+/// Shows X14.
+#[test]
+fn a_robot_that_is_pushed_on_its_way_goes_on_from_where_it_stands() {
+    let pushed = "--speed 1 --push 17:0:4:1";
+    let Some(run) = run_driven("figure1_ladder17", pushed, &["--timeout", "110"]) else {
+        return;
+    };
+    assert_eq!(run.status, 0, "{}{}", run.stdout, run.stderr);
+    assert_eq!(run.json()["verdict"], "COMPLETE");
+    let displaced = run
+        .stderr
+        .lines()
+        .find(|line| line.contains("displaced: 17 by"));
+    assert!(displaced.is_some(), "{}", run.stderr);
+    assert_eq!(errors(&run), [""; 0]);
+}
+
 /// The first of many samples that a peer takes for which something holds.
 fn first(peer: &Peer, holds: impl Fn(&Value) -> bool) -> Value {
     let mut samples = (0..SAMPLES_MAX).map(|_| peer.taken());
