@@ -277,7 +277,8 @@ def _set_planner(message: Any, scenario: Scenario) -> None:
 
 
 def _verdict(message: Any) -> Verdict:
-    outcomes = {message.OUTCOME_COMPLETE: "COMPLETE", message.OUTCOME_PARTIAL: "PARTIAL", message.OUTCOME_FAILED: "FAILED", 4: "NOT_JUDGED"}
+    kind = type(message)
+    outcomes = {getattr(kind, name): name[len("OUTCOME_") :] for name in dir(kind) if name.startswith("OUTCOME_")}
     return Verdict(
         outcome=outcomes.get(message.outcome, "FAILED"),
         filled=message.filled_spots,

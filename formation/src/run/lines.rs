@@ -82,6 +82,7 @@ impl From<&Verdict> for RunVerdict {
             outcome: match verdict.outcome {
                 Verdict::OUTCOME_COMPLETE => Outcome::Complete,
                 Verdict::OUTCOME_PARTIAL => Outcome::Partial,
+                Verdict::OUTCOME_NOT_JUDGED => Outcome::NotJudged,
                 _ => Outcome::Failed,
             },
             filled_spots: count(verdict.filled_spots),

@@ -311,6 +311,9 @@ fn verdict_text(verdict: &RunVerdict) -> String {
     match verdict.outcome {
         Outcome::Complete => format!("COMPLETE: all {spots} spots are filled"),
         Outcome::Partial => format!("PARTIAL: {filled} of {spots} spots are filled"),
+        Outcome::NotJudged => format!(
+            "NOT_JUDGED: {filled} of {spots} spots are filled; poses are not exact enough to tell whether bodies touched"
+        ),
         Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
     }
 }
