@@ -19,6 +19,9 @@ use crate::process::AgentFactory;
 use crate::transcript::Transcript;
 use crate::verifier::{LINGER, Verifier};
 
+/// How robots start.
+const ROBOTS_APART: (Apart, u32) = (Apart::Circles, 300);
+
 /// Two clocks that drift apart by twice this are just within the tolerance of the agents.
 const HOSTILE_DRIFT_PPM: u32 = 480;
 
@@ -151,7 +154,9 @@ fn draw_problem(
     let generator =
         GeneratorParameters::new(modules, spots, random.below(u64::MAX)).grouped(Grouping::Mixed);
     let mut raw = formation_generate::generate(&generator)?;
-    if let Some((apart, percent)) = parameters.apart {
+    // Robots do not set off where bodies touch.
+    let of_robots = parameters.faults.is_of_robots().then_some(ROBOTS_APART);
+    if let Some((apart, percent)) = parameters.apart.or(of_robots) {
         set_apart(&mut raw, apart, percent, random.below(u64::MAX));
     }
     Ok(Scenario::try_from(raw)?.problem().clone())
@@ -222,12 +227,12 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
     let network = cluster_parameters.network;
     // A slow process handles its messages a little later still.
     let margin = network.latency_max + network.delay_max + Duration::from_millis(120);
-    let mut cluster = Cluster::of_agents(
-        &problem,
-        cluster_parameters,
-        random.below(u64::MAX),
-        parameters.agents.clone(),
-    );
+    let agents = match parameters.faults.is_of_robots() {
+        true => parameters.agents.clone().of_robots(),
+        false => parameters.agents.clone(),
+    };
+    let mut cluster =
+        Cluster::of_agents(&problem, cluster_parameters, random.below(u64::MAX), agents);
     if parameters.transcripts {
         cluster.keep_transcript();
     }

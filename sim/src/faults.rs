@@ -65,6 +65,11 @@ impl FaultKind {
         ("carried", Self::Carried),
         ("lost", Self::Lost),
     ];
+
+    /// Whether hands or localisation come between a module and its drive, which happens to robots alone.
+    pub(crate) fn is_of_robots(self) -> bool {
+        matches!(self, Self::Carried | Self::Lost)
+    }
 }
 
 impl FromStr for FaultKind {

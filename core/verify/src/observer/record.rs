@@ -9,8 +9,8 @@ use super::verdict::CollisionRisk;
 use crate::Violation;
 use formation_model::{
     CausalMark, ClosedRoster, Digest, DriveState, Epoch, Heartbeat, Incarnation, MODULES_MAX,
-    MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
-    SpotClaim, SpotId, Stop, TURNS_MAX,
+    MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose,
+    RosterMember, SpotClaim, SpotId, Stop, TURNS_MAX,
 };
 
 /// The greatest number of runs of one module that are kept, the latest ones.
