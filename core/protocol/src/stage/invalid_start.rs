@@ -1,12 +1,13 @@
 //! Starts from which no path without contact begins: their modules leave service, so that the others can move.
 
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
-use formation_model::{Area, BODY_WIDTH, MicroUnits, ModuleId, Roster, Service};
+use formation_model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Pose, Roster};
 use formation_motion::paths::{MotionError, StartFault};
 
-/// A body of a member out of service that is nearer than this may close the cell of a module.
-const NEAR: MicroUnits = MicroUnits(1_500_000);
+/// A body that is nearer than this to a module may be in its way onto the lattice.
+const NEAR: MicroUnits = MicroUnits(2 * MICRO_PER_UNIT);
 
 /// Why this member has to stay where it is, if it has to. All members find the same.
 /// Enforces X13.
@@ -25,8 +26,8 @@ pub(super) fn fault_of(
     faults.iter().find(is_its).cloned()
 }
 
-/// The module that stays: of two, the one that has not settled, and otherwise the higher one. `None` where an absent module
-/// may be in the way, which says nothing about this one.
+/// The module that stays: of two, the one that has not settled, then the one that is docked to fewer others, and otherwise the higher
+/// one. `None` where an absent module may be in the way, which says nothing about this one.
 fn chosen_of(fault: &StartFault, roster: &Roster) -> Option<ModuleId> {
     match *fault {
         StartFault::NotApart(one, other) | StartFault::SharedCell(one, other) => {
@@ -34,31 +35,31 @@ fn chosen_of(fault: &StartFault, roster: &Roster) -> Option<ModuleId> {
                 let member = roster.member(module);
                 member.is_some_and(|member| member.module.pin.is_some())
             };
-            match (is_pinned(one), is_pinned(other)) {
-                (true, false) => Some(other),
-                (false, true) => Some(one),
-                _ => Some(one.max(other)),
-            }
+            let rank = |module| {
+                let docked = docked_to(module, roster).len();
+                (!is_pinned(module), Reverse(docked), module)
+            };
+            [one, other].into_iter().max_by_key(|&module| rank(module))
         }
         StartFault::OffGroup(module, _) => Some(module),
         StartFault::Covered(module) => is_covered(module, roster).then_some(module),
     }
 }
 
-/// Whether an obstacle, a wall or the body of a member out of service is in the way of a member.
+/// Whether what is in the way of a member stays there: no absent module, which may return or be taken away, is as near to it or to
+/// those that are docked to it as they reach when they turn onto the lattice.
 fn is_covered(module: ModuleId, roster: &Roster) -> bool {
-    let Some(own) = roster.member(module) else {
-        return false;
-    };
-    let surroundings = roster.target.target.as_ref().map(|it| it.surroundings());
-    let width = surroundings.map_or(BODY_WIDTH, |it| it.body_width());
-    let body = Area::of_body(&own.module.pose, width);
-    let is_out = surroundings.is_some_and(|it| !it.admits(&body));
-    let mut aside = roster
-        .members
+    let group = docked_to(module, roster);
+    let members = group.iter().filter_map(|&member| roster.member(member));
+    let poses: Vec<Pose> = members.map(|member| member.module.pose).collect();
+    let spread = poses
         .iter()
-        .filter(|member| member.service != Service::Active);
-    is_out || aside.any(|other| other.module.pose.distance_to(&own.module.pose) < NEAR)
+        .flat_map(|one| poses.iter().map(|other| one.distance_to(other)));
+    let reach = MicroUnits(spread.max().unwrap_or_default().0 + NEAR.0);
+    let is_listed = |module| roster.member(module).is_some();
+    let absent = roster.bodies.iter().filter(|body| !is_listed(body.module));
+    let mut places = absent.flat_map(|body| body.whereabouts.poses());
+    !places.any(|place| poses.iter().any(|pose| pose.distance_to(place) < reach))
 }
 
 /// A module and the members that are docked to it, directly or through others.

@@ -398,7 +398,9 @@ impl Bodies {
             .filter(|one| one.leg.begin < segment.leg.end && segment.leg.begin < one.leg.end);
         let named = lasted.flat_map(|one| one.links.iter().copied());
         let last = Some(&track.last).filter(|last| last.at < segment.leg.end);
-        let last = last.into_iter().flat_map(|last| last.links.iter().copied());
+        let last = last
+            .into_iter()
+            .flat_map(|last| last.may_be_docked.iter().copied());
         named.chain(last).collect()
     }
 

@@ -26,20 +26,30 @@ pub(super) struct Sample {
     pub(super) epoch: Option<Epoch>,
     pub(super) steps: Option<u32>,
     pub(super) links: Arc<BTreeSet<ModuleId>>,
+    /// The modules to which it may have been docked: a state names the links of when it was published, which is after its pose while the
+    /// module moves, so those of the state before may have lasted until then.
+    pub(super) may_be_docked: Arc<BTreeSet<ModuleId>>,
 }
 
 impl Sample {
     fn of(state: &ModuleState, before: Option<&Self>) -> Self {
+        let moves = |drive| matches!(drive, DriveState::Moving | DriveState::Folding);
         let same = before.filter(|before| *before.links == state.links);
         let links = same.map(|before| Arc::clone(&before.links));
+        let links = links.unwrap_or_else(|| Arc::new(state.links.clone()));
+        let lasting = before.filter(|before| {
+            moves(before.drive) && moves(state.drive) && !before.links.is_subset(&state.links)
+        });
+        let may_be_docked = lasting.map(|before| Arc::new(&*before.links | &*links));
         Self {
+            may_be_docked: may_be_docked.unwrap_or_else(|| Arc::clone(&links)),
+            links,
             sequence: state.sequence,
             at: state.at.0,
             placed: state.pose.into(),
             drive: state.drive,
             epoch: state.epoch,
             steps: state.steps_done,
-            links: links.unwrap_or_else(|| Arc::new(state.links.clone())),
         }
     }
 }
@@ -53,6 +63,7 @@ pub(super) struct Segment {
     pub(super) epoch: Option<Epoch>,
     /// How many steps of its path it had done at the begin; `None` in straight lines.
     pub(super) steps: Option<u32>,
+    /// The modules to which it may have been docked.
     pub(super) links: Arc<BTreeSet<ModuleId>>,
 }
 
@@ -138,7 +149,7 @@ impl Track {
             },
             epoch: before.epoch,
             steps: before.steps,
-            links: before.links,
+            links: before.may_be_docked,
         });
         if let Some(segment) = &segment {
             self.segments.push_back(segment.clone());

@@ -407,12 +407,12 @@ fn straight_lines_are_marked_and_not_judged() {
 fn with_a_doubtful_pass() -> Sequence {
     let pass = [
         (5, 1_000, 83, -20, Moving, 0),
-        (5, 2_000, 83, 20, Standing, 4),
+        (5, 5_000, 83, 20, Standing, 4),
     ];
     let mut sequence = good_sequence();
     let mut stands = sequence.state(4, 3).clone();
     stands.sequence = 4;
-    stands.at = SenderTime(Duration::from_secs(3));
+    stands.at = SenderTime(Duration::from_secs(6));
     sequence.states.push(stands);
     let spare = |state: &ModuleState| state.module == ModuleId(5) && state.sequence == 2;
     sequence.states.retain(|state| !spare(state));
@@ -443,7 +443,7 @@ fn bodies_that_overlap_by_less_than_the_tolerances_of_their_poses_are_not_judged
     let verdict = judge(150_000);
     assert_eq!(verdict.violations, []);
     assert_eq!(verdict.outcome, Outcome::NotJudged);
-    let passed = Duration::from_secs(1);
+    let passed = Duration::from_secs(4);
     assert_eq!(verdict.unjudged, BTreeMap::from([(ModuleId(5), passed)]));
     assert_eq!(good_sequence().verdict().unjudged, BTreeMap::new());
 }
@@ -467,6 +467,31 @@ fn the_way_on_which_a_module_was_displaced_is_not_judged() {
         other => other,
     });
     assert!(!on_paths(&driven).broken().is_empty());
+}
+
+/// Modules 1 and 2 move one behind the other, docked, until a hand tears 2 off: 1 says so in a state whose pose is older.
+/// Shows V5.
+#[test]
+fn modules_were_docked_until_the_state_that_says_otherwise_was_published() {
+    use DriveState::Displaced;
+    let moments = [
+        (1, 1_000, 0, 10, Moving, 0),
+        (2, 1_000, 10, 10, Moving, 0),
+        (1, 1_100, 5, 10, Moving, 0),
+        (2, 1_200, 20, 10, Standing, 1),
+        (2, 1_200, 20, 30, Displaced, 1),
+        (1, 1_201, 10, 10, Standing, 1),
+    ];
+    let mut torn = on_paths(&moments).dock(&[(1, 2)]);
+    let links = |sequence: &Sequence, number: usize| sequence.states[number].links.clone();
+    assert_eq!(links(&torn, 2), BTreeSet::from([ModuleId(2)]));
+    for number in [2, 4, 5] {
+        torn.states[number].links.clear();
+    }
+    assert_eq!(torn.broken(), []);
+    let mut never = on_paths(&moments);
+    never.states.truncate(4);
+    assert!(!never.broken().is_empty());
 }
 
 /// It has not settled until it is back.
