@@ -2,17 +2,20 @@
 
 Usage:
     drive_modules.py --scenario FILE [--domain D] [--pose-source pose|odom] [--speed UNITS_PER_S]
-                     [--clock-ahead S] [--deaf MODULE...] [--undockable MODULE...] [--push MODULE:X:Y:S...]
+                     [--clock-ahead S] [--deaf MODULE...] [--undockable MODULE...]
 
 The clock that stamps the poses may be ahead of that of the machine. A deaf module publishes its pose and never moves; an
-undockable one never answers docking requests. A hand pushes a module by X and Y once S seconds have passed since the first goal.
+undockable one never answers docking requests. `push MODULE X Y` on the standard input is a hand that pushes a module by X and Y, and
+`push all X Y` one that shoves all of them as a whole.
 """
 
 import argparse
 import math
 import os
 import pathlib
+import queue
 import sys
+import threading
 import time
 
 from formation_dds import Session, domain_id
@@ -25,9 +28,10 @@ from robot_model import Pose, Robot, start_poses  # noqa: E402
 INTERVAL_S = 0.05
 
 
-def push(text):
-    module, x, y, after = text.split(":")
-    return int(module), float(x), float(y), float(after)
+def read_pushes(pushes):
+    for line in sys.stdin:
+        _, modules, x, y = line.split()
+        pushes.put((modules, float(x), float(y)))
 
 
 class Driver:
@@ -35,7 +39,6 @@ class Driver:
         self.session, self.module, self.robot, self.clock_ahead = session, module, robot, clock_ahead
         self.pose_type = "nav_msgs/msg/Odometry" if source == "odom" else "geometry_msgs/msg/PoseStamped"
         topic = f"module_{module}"
-        self.has_goal = False
         self.poses = session.other_writer(f"{topic}/{source}", self.pose_type)
         self.results = session.other_writer(f"{topic}/docking_result", "formation_msgs/msg/DockingResult")
         self.goals = session.other_reader(f"{topic}/goal_pose", "geometry_msgs/msg/PoseStamped")
@@ -44,7 +47,6 @@ class Driver:
     def listen(self, now, is_deaf, is_undockable):
         for goal in self.goals.take(N=16):
             if goal.sample_info.valid_data and not is_deaf:
-                self.has_goal = True
                 position, orientation = goal.pose.position, goal.pose.orientation
                 heading = 2.0 * math.atan2(orientation.z, orientation.w)
                 echo = goal.header.stamp
@@ -84,7 +86,6 @@ def main():
     parser.add_argument("--clock-ahead", type=float, default=0.0)
     parser.add_argument("--deaf", type=int, nargs="*", default=[])
     parser.add_argument("--undockable", type=int, nargs="*", default=[])
-    parser.add_argument("--push", type=push, nargs="*", default=[])
     options = parser.parse_args()
     interrupted = interrupted_once()
     session = Session(options.domain)
@@ -94,8 +95,8 @@ def main():
         )
         for module, pose in sorted(start_poses(options.scenario).items())
     ]
-    pushes = options.push
-    began = None
+    pushes = queue.Queue()
+    threading.Thread(target=read_pushes, args=[pushes], daemon=True).start()
     last = time.monotonic()
     while not interrupted.is_set():
         time.sleep(INTERVAL_S)
@@ -104,13 +105,10 @@ def main():
             driver.listen(now, driver.module in options.deaf, driver.module in options.undockable)
             driver.robot.step(now, now - last)
             driver.publish_pose()
-        if began is None and any(driver.has_goal for driver in drivers):
-            began = now
-        due = [one for one in pushes if began is not None and now >= began + one[3]]
-        pushes = [one for one in pushes if one not in due]
-        for module, x, y, _ in due:
+        while not pushes.empty():
+            modules, x, y = pushes.get()
             for driver in drivers:
-                if driver.module == module:
+                if modules in ("all", str(driver.module)):
                     pose = driver.robot.pose
                     driver.robot.pose = Pose(pose.x + x, pose.y + y, pose.theta)
         last = now

@@ -6,6 +6,7 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
+use std::io::Write;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
@@ -64,21 +65,97 @@ fn driven_modules_undock_move_dock_and_leave_no_hole() {
     assert_eq!(errors(&run), [""; 0]);
 }
 
+/// Eight robots that go to a row, and who judges them.
+struct Row {
+    driver: Driver,
+    agent: Running,
+    _publisher: Running,
+    verifier: Running,
+    _file: ScenarioFile,
+}
+
+impl Row {
+    fn start(python: &Python, domain: &str) -> Self {
+        let robots = (0..8).map(|index| {
+            let (id, x, y) = (index + 1, 2 * (index % 4), 4 + 2 * (index / 4));
+            format!("- {{id: {id}, x: {x}, y: {y}}}\n")
+        });
+        let row = format!(
+            "target: {{map: 'o-o-o-o-o-o-o-o'}}\nsingletons:\n{}",
+            robots.collect::<String>()
+        );
+        let file = ScenarioFile::new("row", &row);
+        let announce = ["--scenario", file.path(), "--expected-modules", "8"];
+        let agents = ["--modules", "1-8", "--scenario", file.path()];
+        let agents = [&agents[..], &["--motion", "external"]].concat();
+        let judge = ["--scenario", file.path(), "--json", "--keep-watching"];
+        Self {
+            driver: start_driver(python, &file, domain, &[]),
+            verifier: Running::start("verifier", domain, &judge),
+            agent: Running::start("module_agent", domain, &agents),
+            _publisher: Running::start("target_publisher", domain, &announce),
+            _file: file,
+        }
+    }
+
+    fn push(&mut self, which: &str, x: f64, y: f64) {
+        let hand = self.driver.0.stdin.as_mut().unwrap();
+        writeln!(hand, "push {which} {x} {y}").unwrap();
+    }
+
+    fn await_log(&self, from: usize, text: &str) {
+        let found = self.agent.wait_for_log(from, text, PATIENCE);
+        let log = || self.agent.log_since(from);
+        assert!(found.is_some(), "`{text}` is not logged: {:#?}", log());
+    }
+
+    /// The verdict after so many lines of the verifier, or one after it.
+    fn await_complete(&self, from: usize) {
+        let is_whole = |text: &str| {
+            let line: Value = serde_json::from_str(text).unwrap();
+            line["verdict"]["outcome"] == "COMPLETE"
+        };
+        let mut last = String::new();
+        let found = self.verifier.wait_for_line(from, PATIENCE, |line| {
+            last.clone_from(&line.text);
+            is_whole(&line.text).then_some(())
+        });
+        let log = || self.agent.log_since(0);
+        assert!(found.is_some(), "{last}\n{:#?}", log());
+    }
+}
+
 /// Shows X14.
 #[test]
 fn a_robot_that_is_pushed_on_its_way_goes_on_from_where_it_stands() {
-    let pushed = "--speed 1 --push 17:0:4:1";
-    let Some(run) = run_driven("figure1_ladder17", pushed, &["--timeout", "110"]) else {
+    let Some(python) = Python::find() else {
         return;
     };
-    assert_eq!(run.status, 0, "{}{}", run.stdout, run.stderr);
-    assert_eq!(run.json()["verdict"], "COMPLETE");
-    let displaced = run
-        .stderr
-        .lines()
-        .find(|line| line.contains("displaced: 17 by"));
-    assert!(displaced.is_some(), "{}", run.stderr);
-    assert_eq!(errors(&run), [""; 0]);
+    let mut row = Row::start(&python, &Domain::alone());
+    row.await_log(0, "moving");
+    // Farther than it drives to its last goal before it stops.
+    row.push("8", 1.5, 8.0);
+    row.await_log(0, "the way that its plan lets it take");
+    row.await_log(0, "displaced: 8 by");
+    row.await_complete(0);
+}
+
+/// It goes back as one block: no docks are given up.
+/// Shows E3, P1.
+#[test]
+fn a_finished_structure_of_eight_that_is_shoved_goes_back_as_a_whole() {
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let mut row = Row::start(&python, &Domain::alone());
+    row.await_complete(0);
+    let (logged, judged) = (row.agent.logged(), row.verifier.printed());
+    row.push("all", 0.4, -2.3);
+    row.await_log(logged, "displaced: ");
+    row.await_complete(judged);
+    let lines = row.agent.log_since(logged);
+    let undocked = lines.iter().filter(|line| line.text.contains("undock"));
+    assert_eq!(undocked.count(), 0, "{lines:#?}");
 }
 
 /// The first of many samples that a peer takes for which something holds.
