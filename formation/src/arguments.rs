@@ -16,6 +16,7 @@ mod manual;
 )))]
 mod not_built;
 mod plan;
+mod replay;
 mod studio;
 
 use std::ops::RangeInclusive;
@@ -40,6 +41,7 @@ pub use compare::CompareArguments;
 pub use generate::GenerateArguments;
 pub use manual::ManualArguments;
 pub use plan::PlanArguments;
+pub use replay::ReplayArguments;
 pub use studio::StudioArguments;
 
 /// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
@@ -136,6 +138,10 @@ pub enum FormationCommand {
     ///
     /// A damaged recording is read up to the damage; the exit status is then 1.
     Report(ReportArguments),
+    /// Publish what a recording has once more, at the times at which it was recorded, below /replay, where no module listens.
+    ///
+    /// `visualiser --namespace /replay --ros-args -p session:=N` draws it; N is the session that the run printed.
+    Replay(ReplayArguments),
     /// Generate a random scenario from a seed and print it as YAML.
     ///
     /// Targets and configurations are trees on the unit lattice. The modules start at random poses in a square field about the

@@ -63,6 +63,7 @@ fn main() -> ExitCode {
         FormationCommand::Remove { modules, network } => {
             operator::give(&network, &operator::removal(&modules))
         }
+        FormationCommand::Replay(arguments) => operator::replay(&arguments),
         FormationCommand::Router(arguments) => router::run(&arguments),
         #[cfg(feature = "zenoh")]
         FormationCommand::Security {

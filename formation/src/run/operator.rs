@@ -1,4 +1,5 @@
-//! `formation stop`, `resume` and `remove`: commands to the modules of a running formation.
+//! `formation stop`, `resume` and `remove`, which command the modules of a running formation, and `formation replay`: each is the work of
+//! another program.
 
 use anyhow::{Context, anyhow};
 use formation_model::text::joined;
@@ -6,7 +7,7 @@ use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
 use super::{Programs, environment_of_runs};
-use crate::arguments::FormationSelector;
+use crate::arguments::{FormationSelector, ReplayArguments};
 
 /// The option of the target publisher that stops all modules.
 pub const STOP: &str = "--stop";
@@ -23,19 +24,44 @@ pub fn removal(modules: &[u32]) -> Vec<String> {
 /// # Errors
 /// Says why the command was not given, or not taken.
 pub fn give(network: &FormationSelector, order: &[String]) -> Result<(), Failure> {
-    let mut command = Programs::next_to_launcher()?.command("target_publisher");
+    have_done("target_publisher", "gives the command", network, order)
+}
+
+/// Has a recorder play a recording.
+///
+/// # Errors
+/// Says why it was not played, or not to its end.
+pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
+    let options = [
+        arguments.file.display().to_string(),
+        "--replay".to_owned(),
+        format!("--rate={}", arguments.rate),
+        format!("--namespace={}", arguments.namespace),
+    ];
+    have_done("recorder", "plays the file", &arguments.network, &options)
+}
+
+fn have_done(
+    program: &str,
+    deed: &str,
+    network: &FormationSelector,
+    arguments: &[String],
+) -> Result<(), Failure> {
+    let mut command = Programs::next_to_launcher()?.command(program);
     let Environment { domain, range, .. } = environment_of_runs(network.domain)?;
     let status = command
         .args(["--domain", &domain.to_string()])
         .args(["--discovery-range", &range.to_string()])
-        .args(order)
+        .args(arguments)
         .status()
-        .context("cannot start target_publisher")
+        .with_context(|| format!("cannot start {program}"))
         .map_err(Failure::Failed)?;
     if status.success() {
         return Ok(());
     }
-    Err(Failure::Failed(anyhow!(
-        "target_publisher, which gives the command, ended with {status}; its last lines are above"
-    )))
+    let ended = anyhow!("{program}, which {deed}, ended with {status}; its last lines are above");
+    Err(match status.code() {
+        Some(2) => Failure::BadInput(ended),
+        _ => Failure::Failed(ended),
+    })
 }
