@@ -210,6 +210,78 @@ fn localisation_that_jumps_and_returns_within_a_second_only_halts() {
     assert_eq!(trial.convened.len(), 1);
 }
 
+/// What it may drive to lies where it is measured, but it has not set off.
+/// Shows X14.
+#[test]
+fn a_module_that_is_measured_ahead_before_it_sets_off_does_not_set_off() {
+    let mut trial = Trial::new(&in_a_row(), 1);
+    trial.until(|cluster| phase(cluster, ModuleId(6)) == Some(ModulePhase::Waiting));
+    let stood = trial.cluster.body(ModuleId(6)).unwrap();
+    trial.cluster.mislead(ModuleId(6), way(-1.0, 0.0));
+    trial.run_for(Duration::from_millis(1_500));
+    assert_eq!(trial.count(|event| matches!(event, Event::OffPath(_))), 1);
+    assert_eq!(trial.cluster.body(ModuleId(6)), Some(stood));
+    trial.cluster.mislead(ModuleId(6), Way::default());
+    trial.until(|cluster| {
+        assert_eq!(contact(cluster), None);
+        cluster.has_formed()
+    });
+    assert_eq!(trial.convened.len(), 1);
+}
+
+/// A neighbour docks to a settled module while that is measured elsewhere.
+/// Shows X3, X14.
+#[test]
+fn links_that_a_neighbour_reported_count_once_the_module_is_measured_on_its_spot() {
+    let mut trial = Trial::new(&in_a_row(), 1);
+    let settled = |cluster: &Cluster| {
+        let modules = ids(&[1, 2, 3, 4, 5, 6]).into_iter();
+        let settled: Vec<ModuleId> = modules
+            .filter(|&module| phase(cluster, module) == Some(ModulePhase::Settled))
+            .collect();
+        settled
+    };
+    trial.until(|cluster| !settled(cluster).is_empty());
+    let first = settled(&trial.cluster)[0];
+    trial.cluster.mislead(first, way(0.0, 0.4));
+    trial.run_for(Duration::from_millis(600));
+    trial.cluster.mislead(first, Way::default());
+    trial.until(Cluster::has_formed);
+    trial.run_for(Duration::from_secs(5));
+    for module in ids(&[1, 2, 3, 4, 5, 6]) {
+        let links = trial.cluster.links(module).unwrap().clone();
+        for link in links {
+            let back = trial.cluster.links(link).unwrap();
+            assert!(back.contains(&module), "{link} to {module}");
+        }
+    }
+}
+
+/// The ports that are locked to it no longer say where it is.
+/// Shows X15.
+#[test]
+fn a_structure_that_is_shoved_after_one_of_it_was_not_believed_goes_back_as_a_whole() {
+    let mut trial = Trial::new(&in_a_row(), 1);
+    trial.until(Cluster::has_formed);
+    let module = ModuleId(3);
+    trial.cluster.mislead(module, way(0.0, 0.7));
+    trial.run_for(Duration::from_secs(5));
+    assert_eq!(
+        trial.count(|event| matches!(event, Event::PortsContradictPose(_))),
+        1
+    );
+    // A new epoch, in which it is still not believed.
+    assert!(trial.cluster.carry(ModuleId(6), false, way(0.0, 2.0)));
+    trial.run_for(Duration::from_secs(20));
+    trial.cluster.mislead(module, Way::default());
+    trial.until(Cluster::has_formed);
+    trial.run_for(Duration::from_secs(5));
+    let stood = trial.cluster.body(module);
+    assert!(trial.cluster.carry(module, true, way(0.4, 3.3)));
+    trial.until_formed_again();
+    assert_eq!(trial.cluster.body(module), stood);
+}
+
 /// Its state is in the roster already that is being made.
 /// Shows G3, X14.
 #[test]

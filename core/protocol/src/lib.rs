@@ -315,9 +315,10 @@ impl Agent {
             self.context.mark_state_changed();
         }
         if !stands_back && self.context.target.is_set() {
-            let had_settled = self.stage.is_settled();
+            let stands_there = |stage: &Stage| stage.is_settled() && !stage.is_off_path();
+            let stood_there = stands_there(&self.stage);
             self.run_stage();
-            if !had_settled && self.stage.is_settled() {
+            if !stood_there && stands_there(&self.stage) {
                 self.adjust_links_to_neighbours();
             }
             self.consider_new_epoch();

@@ -34,24 +34,32 @@ impl HeldPlan {
         MicroUnits(share.max(2 * context.own.position_tolerance.0))
     }
 
-    /// How far a pose is off what the plan lets a member do that has done this many steps; `None` if it is no member.
-    fn off_by(&self, module: ModuleId, done: u32, pose: &Pose) -> Option<MicroUnits> {
+    /// How far a pose is off what the plan lets a member do that has done this many steps, and takes the next one or stands; `None` if
+    /// it is no member.
+    fn off_by(
+        &self,
+        module: ModuleId,
+        (done, stands): (u32, bool),
+        pose: &Pose,
+    ) -> Option<MicroUnits> {
         let Some((unit, member)) = self.motion.place_of(module) else {
             let from = self.roster.member(module)?.module.pose;
-            let to = self.straight_goal(module).unwrap_or(from);
+            let to = self.straight_goal(module).filter(|_| !stands);
+            let to = to.unwrap_or(from);
             let across = polyline::distance(pose, &[from, to])?;
             return Some(across.max(turned_off(&from, &to, pose)));
         };
         let last = member.waypoints.len().checked_sub(1)?;
         let done = (done as usize).min(last);
         let from = member.waypoints[done].pose;
-        let to = member.waypoints[last.min(done + 1)].pose;
+        let next = if stands { done } else { done + 1 };
+        let to = member.waypoints[last.min(next)].pose;
         let across = polyline::distance(pose, &[from, to])?;
         // A drive may go straight where its unit turns about a centre, or along the arc.
         let way = unit.poses_after(done, member).skip(1);
         let way = way.take_while(|pose| *pose != to);
         let arc = way.filter_map(|bend| polyline::distance(&bend, &[from, to]));
-        let arc = arc.max().unwrap_or_default();
+        let arc = arc.max().filter(|_| !stands).unwrap_or_default();
         let across = MicroUnits((across.0 - arc.0).max(0));
         Some(across.max(turned_off(&from, &to, pose)))
     }
@@ -88,7 +96,7 @@ impl HeldPlan {
         let is_of_plan = state.epoch == Some(self.epoch())
             && self.roster_plan.members.get(&state.module) == Some(&state.incarnation);
         let done = state.steps_done.unwrap_or_default();
-        is_of_plan.then(|| self.off_by(state.module, done, &state.pose))?
+        is_of_plan.then(|| self.off_by(state.module, (done, false), &state.pose))?
     }
 
     /// Notes whether another member shows that it is off its way. Each judges itself, by its own tolerance.
@@ -131,14 +139,17 @@ impl Acting {
         let module = context.module();
         let limit = self.held.path_limit(context);
         let pose = context.robot.pose;
-        let off = self.held.off_by(module, self.steps_done, &pose);
+        // Before a step it stands where the last one ended.
+        let stands = matches!(self.task, Task::Waiting | Task::Undocking | Task::Pausing);
+        let off = self.held.off_by(module, (self.steps_done, stands), &pose);
         let limit = match self.task {
             Task::Settled => context.spot_limit(),
             _ => limit,
         };
         let Some(distance) = off.filter(|&off| off > limit) else {
+            // Also if that was found in an earlier epoch.
+            context.robot.is_localised = true;
             if self.off_path.take().is_some() {
-                context.robot.is_localised = true;
                 context.mark_state_changed();
                 context.emit(Event::BackOnPath);
             }
@@ -153,9 +164,10 @@ impl Acting {
         }
         let links = &context.robot.links;
         let contradicts_ports = self.held.contradicts_ports(distance, links, context);
-        if contradicts_ports && !next.contradicts_ports && next.counts_at() <= context.now {
-            next.contradicts_ports = true;
-            context.robot.is_localised = false;
+        let was_known = next.contradicts_ports;
+        next.contradicts_ports = contradicts_ports && next.counts_at() <= context.now;
+        context.robot.is_localised = !next.contradicts_ports;
+        if next.contradicts_ports && !was_known {
             context.emit(Event::PortsContradictPose(distance));
         }
         self.off_path = Some(next);
