@@ -41,6 +41,11 @@ fn check_robot(
         }
     }
     let budget = Budget::of(robot, arguments.error, arguments.stop);
+    if !budget.module_size.is_finite() {
+        return Err(Failure::bad_input(
+            "--robot, --error, --stop: no lattice has room for so large a robot",
+        ));
+    }
     let scenario = path.map(scenario_file::load).transpose()?;
     match arguments.json {
         true => console::result_json(&budget)?,
