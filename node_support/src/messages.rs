@@ -372,7 +372,7 @@ mod tests {
         assert_eq!(
             accepted_verdict(of(4, 0), ours),
             Err(
-                "verdict: outcome: 0 is unknown; known are COMPLETE 1, PARTIAL 2, FAILED 3"
+                "verdict: outcome: 0 is unknown; known are COMPLETE 1, PARTIAL 2, FAILED 3, NOT_JUDGED 4"
                     .to_owned()
             )
         );
