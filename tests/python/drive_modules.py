@@ -5,8 +5,8 @@ Usage:
                      [--clock-ahead S] [--deaf MODULE...] [--undockable MODULE...]
 
 The clock that stamps the poses may be ahead of that of the machine. A deaf module publishes its pose and never moves; an
-undockable one never answers docking requests. `push MODULE X Y` on the standard input is a hand that pushes a module by X and Y, and
-`push all X Y` one that shoves all of them as a whole.
+undockable one never answers docking requests. `push MODULE X Y` on the standard input is a hand that pushes a module by X and Y,
+and `push all X Y` one that shoves all of them as a whole.
 """
 
 import argparse
