@@ -115,23 +115,34 @@ def test_options_of_a_simulation_are_checked():
 
 
 def test_other_threads_run_while_rust_computes():
-    scenario = formation.Scenario.generate(220, 220, seed=1)
-    counted, done = [0], threading.Event()
+    scenario = formation.Scenario.generate(120, 120, seed=1)
+    counted, started, done = [0], threading.Event(), threading.Event()
 
     def count():
+        started.set()
         while not done.is_set():
             counted[0] += 1
             time.sleep(0)
 
+    interval = sys.getswitchinterval()
     thread = threading.Thread(target=count)
     thread.start()
-    before = counted[0]
-    formation.plan(scenario)
-    during = counted[0] - before
-    done.set()
-    thread.join()
-    # With the interpreter held, the other thread would count a handful at most.
-    assert during > 100, during
+    started.wait()
+    # A thread now runs only while another one gives the interpreter up by itself, as `plan` has to.
+    sys.setswitchinterval(1_000)
+    try:
+        before = counted[0]
+        # The first calls may end before the system has woken the other thread.
+        for _ in range(200):
+            formation.plan(scenario)
+            if counted[0] > before:
+                break
+        during = counted[0] - before
+    finally:
+        sys.setswitchinterval(interval)
+        done.set()
+        thread.join()
+    assert during > 0
 
 
 def test_nothing_is_imported_before_it_is_needed():
