@@ -91,6 +91,8 @@ pub(crate) struct Host {
     arrived: Vec<Arrived>,
     handled_states: HandledStates,
     outgoing: Vec<Outgoing>,
+    /// For how long the clock stood still, if the modules have found that it did: new runs are to begin.
+    stood_still: Option<Duration>,
     /// What only observers need, until no hosted module plans: others wait for the claims.
     evictions: Vec<EvictionNotice>,
 }
@@ -120,6 +122,7 @@ impl Host {
             arrived: Vec::new(),
             handled_states: HandledStates::default(),
             outgoing: Vec::new(),
+            stood_still: None,
             evictions: Vec::new(),
         };
         for (identity, service) in modules {
@@ -141,6 +144,7 @@ impl Host {
             .in_service(service)
             .with_position_tolerance(self.motion.external.position_tolerance)
             .started_at(stamp::incarnation().0)
+            .published_by(self.source)
             .with_plans_of_host()
             .with_shared_samples();
         if self.motion.mode == DriveMode::External {
@@ -345,6 +349,11 @@ impl Host {
         }
     }
 
+    /// For how long the clock stood still, if new runs are to begin for that.
+    pub(crate) fn stood_still(&self) -> Option<Duration> {
+        self.stood_still
+    }
+
     /// What the modules agreed on, for a host that takes them over.
     pub(crate) fn into_memory(mut self) -> KeptMemory {
         if let Some(journal) = self.journal.take() {
@@ -494,6 +503,7 @@ impl Host {
                         agent.handle(now, Input::Computed(computed));
                     }
                 }
+                Output::BeginRun { stood_still } => self.stood_still = Some(stood_still),
                 Output::Event(event) => self.modules[index].handle_event(&event),
                 Output::Persist { number, state } => {
                     let journal = self.journal.as_mut();

@@ -57,8 +57,8 @@ pub struct ModuleProcess {
 impl ModuleProcess {
     /// Hosts the modules until `stop` yields, then leaves the graph.
     ///
-    /// When the DDS library no longer receives, or not at all addresses, the modules begin new runs where they stand, with
-    /// all that they know; those that were added and those out of service as well.
+    /// When the DDS library no longer receives, or not at all addresses, or the clock stood still, the modules begin new runs where
+    /// they stand, with all that they know; those that were added and those out of service as well.
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined, no driver sent a pose, or the store cannot be used.
@@ -70,8 +70,14 @@ impl ModuleProcess {
         let mut modules = hosted.map(active).collect();
         let mut memory = KeptMemory::default();
         // When the machine started, by its wall clock as it is now, which may be set later: observers compare times of runs.
-        let started = stamp::since_1970(Duration::ZERO);
-        rejoining(|| self.take_part(&name, started, &mut modules, &mut memory, stop))
+        let mut started = stamp::since_1970(Duration::ZERO);
+        rejoining(|| {
+            let end = self.take_part(&name, started, &mut modules, &mut memory, stop);
+            if let Err(RosContextError::ClockStoodStill(time)) = &end {
+                started += *time;
+            }
+            end
+        })
     }
 
     /// Takes part with these modules until `stop` yields or the library no longer receives, and leaves them as they are
@@ -339,6 +345,9 @@ impl Node for ModuleNode {
             writer.start_job(job);
         }
         self.publish_all(ros)?;
+        if let Some(time) = self.host.stood_still() {
+            return Err(RosContextError::ClockStoodStill(time));
+        }
         Ok(ControlFlow::Continue(()))
     }
 

@@ -107,7 +107,10 @@ fn drain(agent: &mut Agent, now: Duration, said: &mut Vec<Message>) {
             Output::Halt => MotionReport::Halted(agent.pose()),
             Output::Dock(other) => MotionReport::Docked(other),
             Output::Undock(other) => MotionReport::Undocked(other),
-            Output::Event(_) | Output::Persist { .. } | Output::Compute(_) => continue,
+            Output::Event(_)
+            | Output::Persist { .. }
+            | Output::Compute(_)
+            | Output::BeginRun { .. } => continue,
         };
         agent.handle(now, Input::Motion(report));
     }

@@ -32,6 +32,12 @@ pub enum RosContextError {
         .0.as_secs_f64()
     )]
     ClockSetBack(Duration),
+    /// By the heartbeats of others, the clock that counts on while the wall clock is set stood still for this long.
+    #[error(
+        "the clock of this machine stood still for {:.1} s, and others take its heartbeats for old ones",
+        .0.as_secs_f64()
+    )]
+    ClockStoodStill(Duration),
 }
 
 impl RosContextError {
@@ -40,7 +46,10 @@ impl RosContextError {
     pub fn ends_with_rejoining(&self) -> bool {
         matches!(
             self,
-            Self::NotReceiving | Self::NewAddresses(_) | Self::ClockSetBack(_)
+            Self::NotReceiving
+                | Self::NewAddresses(_)
+                | Self::ClockSetBack(_)
+                | Self::ClockStoodStill(_)
         )
     }
 }
@@ -58,7 +67,8 @@ impl From<RosContextError> for Failure {
             RosContextError::Failed(_)
             | RosContextError::NotReceiving
             | RosContextError::NewAddresses(_)
-            | RosContextError::ClockSetBack(_) => Self::Failed(error.into()),
+            | RosContextError::ClockSetBack(_)
+            | RosContextError::ClockStoodStill(_) => Self::Failed(error.into()),
         }
     }
 }

@@ -365,6 +365,7 @@ impl MonitoredRun<'_> {
             Fault::Remove(module) => cluster.remove(*module),
             Fault::SetClock(module, ahead) => cluster.set_clock_ahead(*module, *ahead),
             Fault::Pause(module, span) => cluster.pause(*module, *span),
+            Fault::Suspend(module, span) => cluster.suspend(*module, *span),
             Fault::Slow { module, lag, span } => cluster.slow_down(*module, *lag, *span),
             Fault::Cut(aside) => cluster.cut(aside),
             Fault::Sever(links) => cluster.sever(links),

@@ -3,6 +3,7 @@
 mod churn;
 mod hands;
 mod hostile;
+mod suspended;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -48,11 +49,13 @@ pub enum FaultKind {
     Carried,
     /// The localisation of modules jumps, and returns.
     Lost,
+    /// Machines are suspended with their clocks, one after another or several at once.
+    Suspended,
 }
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const NAMED: [(&'static str, Self); 11] = [
+    pub const NAMED: [(&'static str, Self); 12] = [
         ("none", Self::None),
         ("crash", Self::Crash),
         ("partition", Self::Partition),
@@ -64,6 +67,7 @@ impl FaultKind {
         ("clocks", Self::Clocks),
         ("carried", Self::Carried),
         ("lost", Self::Lost),
+        ("suspended", Self::Suspended),
     ];
 
     /// Whether hands or localisation come between a module and its drive, which happens to robots alone.
@@ -131,6 +135,8 @@ pub enum Fault {
     Remove(ModuleId),
     /// A process stops for a while.
     Pause(ModuleId, Duration),
+    /// The machine of a process is suspended for a while: neither it nor its clock goes on.
+    Suspend(ModuleId, Duration),
     /// These modules are cut off from the others.
     Cut(BTreeSet<ModuleId>),
     /// Only these links are severed, each from its first module to its second.
@@ -188,7 +194,7 @@ impl Fault {
     /// The time after which it ends by itself.
     pub(crate) fn span(&self) -> Duration {
         match self {
-            Self::Pause(_, span) | Self::Slow { span, .. } => *span,
+            Self::Pause(_, span) | Self::Suspend(_, span) | Self::Slow { span, .. } => *span,
             _ => Duration::ZERO,
         }
     }
@@ -244,6 +250,7 @@ pub fn draw(
         }
         FaultKind::Carried => drawing.carried(),
         FaultKind::Lost => drawing.lost(),
+        FaultKind::Suspended => drawing.suspended(),
     }
     drawing.faults.sort_by_key(|fault| fault.at);
     drawing.removals();

@@ -47,25 +47,55 @@ impl Default for AgentFactory {
 }
 
 /// A clock that runs fast or slow.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(crate) struct Clock {
     /// Its offset to the cluster's time.
     pub offset: Duration,
     /// By how many millionths it runs fast, or slow if negative.
     pub drift_ppm: i64,
+    /// How long it stood still, before the last time that it does.
+    pub stood_still: Duration,
+    /// From when until when it last stands still.
+    pub stands_still: (Duration, Duration),
 }
 
 impl Clock {
     /// The cluster's time on this clock.
     pub fn local(&self, now: Duration) -> Duration {
+        let (from, until) = self.stands_still;
+        let stands = now.clamp(from.min(now), until).saturating_sub(from);
+        let now = now.saturating_sub(self.stood_still + stands);
         let micros = i64::try_from(now.as_micros()).unwrap_or(i64::MAX);
         let drift = micros / 1_000_000 * self.drift_ppm;
         self.offset + Duration::from_micros(micros.saturating_add(drift).max(0).unsigned_abs())
     }
 
+    /// Whether it stands still at a time.
+    pub fn stands_still_at(&self, now: Duration) -> bool {
+        let (from, until) = self.stands_still;
+        from <= now && now < until
+    }
+
+    /// Stands still from `from` until `until`.
+    pub fn stand_still(&mut self, from: Duration, until: Duration) {
+        let (last_from, last_until) = self.stands_still;
+        self.stood_still += last_until - last_from;
+        self.stands_still = (from, until);
+    }
+
     /// The first time of the cluster, within a microsecond, at which this clock shows `local` or later.
     pub fn global(&self, local: Duration) -> Duration {
-        let even = local.saturating_sub(self.offset);
+        let (from, until) = self.stands_still;
+        // What it shows after it last stood still it shows for the first time then.
+        if local > self.local(from) && until > from {
+            let runs = Self {
+                stood_still: self.stood_still + (until - from),
+                stands_still: Default::default(),
+                ..*self
+            };
+            return runs.global(local).max(until);
+        }
+        let even = local.saturating_sub(self.offset) + self.stood_still;
         // A fast clock shows `local` earlier than an even one, by less than it is ahead then.
         let ahead = self.local(even).saturating_sub(local);
         let mut at = even.saturating_sub(ahead);
@@ -87,6 +117,8 @@ pub(crate) struct Inbox {
     pub held_until: Duration,
     /// Until when each input keeps the process busy, and the time that each takes.
     pub slow: Option<(Duration, Duration)>,
+    /// Whether the best-effort messages that came while it was stopped are lost.
+    pub loses_best_effort: bool,
 }
 
 impl Inbox {
@@ -104,6 +136,12 @@ impl Inbox {
             self.waiting
                 .retain(|input| !matches!(input, Input::Timeout));
             return Vec::new();
+        }
+        if std::mem::take(&mut self.loses_best_effort) {
+            self.waiting.retain(|input| match input {
+                Input::Message { message, .. } => Topic::of(message).is_reliable(),
+                _ => true,
+            });
         }
         let slow = self.slow.filter(|&(until, _)| now < until);
         let is_message = |input: &&Input| matches!(input, Input::Message { .. });
@@ -137,6 +175,8 @@ pub(crate) struct Process {
     pub drive: SimulatedDrive,
     /// Whether its agent has ordered a halt, which the drive reports once it stands.
     pub is_coasting: bool,
+    /// Whether its machine was suspended, and no heartbeat has come since it went on.
+    pub has_just_woken: bool,
     /// Whether nothing that the drive reports reaches the agent.
     pub is_mute: bool,
     /// Whether the drive fell silent on its way, so that the agent never knows that it stands.
@@ -186,7 +226,14 @@ mod tests {
     fn the_time_at_which_a_clock_shows_a_time_is_found_for_fast_and_slow_ones() {
         for drift_ppm in [-200, 0, 200] {
             let offset = Duration::from_millis(300);
-            let clock = Clock { offset, drift_ppm };
+            let mut clock = Clock {
+                offset,
+                drift_ppm,
+                ..Clock::default()
+            };
+            if drift_ppm != 0 {
+                clock.stand_still(Duration::from_secs(7), Duration::from_secs(37));
+            }
             for millis in [300, 1_300, 13_337, 600_000] {
                 let shown = Duration::from_millis(millis);
                 let at = clock.global(shown);

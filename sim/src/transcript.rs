@@ -296,6 +296,10 @@ fn noted(event: &Event) -> Entry {
             .with("sender", or_unknown(module.map(|module| module.0)))
             .with("reason", reason.name()),
         Event::DuplicateModule(module) => Entry::of("duplicate_module").module(*module),
+        Event::ClockInDoubt { module, gain } => Entry::of("clock_in_doubt")
+            .module(*module)
+            .millis("gain_ms", *gain),
+        Event::ClockStoodStill(time) => Entry::of("clock_stood_still").millis("time_ms", *time),
         Event::RunRenumbered(_) => Entry::of("run_renumbered"),
         Event::TargetWithdrawn => Entry::of("target_withdrawn"),
         Event::WaitingFor(modules) => Entry::of("waiting_for").modules("modules", modules),
@@ -410,6 +414,9 @@ fn fault_entry(fault: &Fault) -> Entry {
         Fault::Restart(module) => Entry::of("restart").module(*module),
         Fault::Remove(module) => Entry::of("remove").module(*module),
         Fault::Pause(module, span) => Entry::of("pause").module(*module).millis("span_ms", *span),
+        Fault::Suspend(module, span) => Entry::of("suspend")
+            .module(*module)
+            .millis("span_ms", *span),
         Fault::Cut(aside) => {
             Entry::of("cut").with("modules", list(aside.iter().map(|module| module.0)))
         }

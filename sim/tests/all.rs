@@ -19,5 +19,6 @@ mod service;
 mod stop;
 #[allow(dead_code, reason = "the tests with deliberate bugs use it as well")]
 mod support;
+mod suspended;
 mod swaps;
 mod transcripts;

@@ -11,14 +11,15 @@ use std::time::Duration;
 
 use formation_model::{
     ConfigurationId, Digest, Epoch, Message, MicroUnits, ModuleId, ModuleRun, PlanningModule,
-    RosterMember, STAMP_AHEAD_MAX, Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter,
-    digest,
+    RosterMember, STAMP_AHEAD_MAX, Service, SourceId, SpotId, Stop, StoreId, TargetAnnouncement,
+    Voter, digest,
 };
 
 use bodies::Bodies;
 use removals::Removals;
 
 use super::asked_plan::Plans;
+use super::clock_offset::ClockDoubt;
 use super::event::Event;
 use super::io::{Identity, Output};
 use super::memory::{KnownTarget, Memory};
@@ -45,6 +46,8 @@ pub(super) struct Own {
     /// The time of its start by its clock, in microseconds since 1970. `run` may have taken a later number.
     pub start_stamp: u64,
     pub store: Option<StoreId>,
+    /// The participant that publishes for it, if others are hosted with it.
+    pub source: Option<SourceId>,
     pub configuration: Option<ConfigurationId>,
     pub leader: Option<ModuleId>,
     /// Whether a driver moves it, and not a simulated drive.
@@ -70,6 +73,8 @@ pub(super) struct Context {
     pub removals: Removals,
     /// The latest command to stop or to resume.
     pub stop: Stop,
+    /// Whether heartbeats show that this clock may have stood still.
+    pub clock_doubt: Option<ClockDoubt>,
     pub target: KnownTarget,
     pub memory: Memory,
     pub pacing: EpochPacing,
@@ -87,6 +92,7 @@ impl Context {
                 run: identity.run(),
                 start_stamp: identity.incarnation.0,
                 store: identity.store,
+                source: None,
                 configuration: identity.configuration,
                 leader: identity.leader,
                 is_robot: false,
@@ -100,6 +106,7 @@ impl Context {
             bodies: Bodies::default(),
             removals: Removals::default(),
             stop: Stop::default(),
+            clock_doubt: None,
             target: KnownTarget::default(),
             memory: Memory::default(),
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
@@ -129,11 +136,17 @@ impl Context {
         number <= self.latest_stamp()
     }
 
+    /// Whether it must not move, whatever the members agree on.
+    pub fn holds_still(&self) -> bool {
+        self.stop.stopped || self.clock_doubt.is_some()
+    }
+
     pub fn liveness(&self) -> Liveness {
         Liveness {
             latest_stamp: self.latest_stamp(),
             now: self.now,
             suspicion: self.parameters.suspicion,
+            period: self.parameters.heartbeat,
         }
     }
 
@@ -369,6 +382,7 @@ impl Hash for Context {
             bodies,
             removals,
             stop,
+            clock_doubt,
             target,
             memory,
             pacing,
@@ -377,6 +391,6 @@ impl Hash for Context {
             outbox,
         } = self;
         (own.run, robot, peers, bodies, removals, stop, target).hash(state);
-        (memory, pacing, shortfall, outbox).hash(state);
+        (memory, pacing, shortfall, outbox, clock_doubt).hash(state);
     }
 }

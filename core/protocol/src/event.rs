@@ -131,6 +131,23 @@ pub enum Event {
         "others know a later run of this module, which is silent: was the clock set back? This run goes on as {}", .0.0
     )]
     RunRenumbered(Incarnation),
+    /// The heartbeats of a module come earlier than its clock and this one allow.
+    #[error(
+        "halted: heartbeats of {module} come {:.1} s earlier than before, by their uptime: did the clock of this machine stand still?",
+        gain.as_secs_f64()
+    )]
+    ClockInDoubt {
+        /// The module.
+        module: ModuleId,
+        /// How much earlier.
+        gain: Duration,
+    },
+    /// Those of most other processes do.
+    #[error(
+        "the clock of this machine stood still for {:.1} s: a new run begins where the module stands",
+        .0.as_secs_f64()
+    )]
+    ClockStoodStill(Duration),
     /// It did not reach its spot in time.
     #[error("did not {} within motion_limit_s", aim(*.0))]
     MotionOverdue(Option<SpotId>),
@@ -361,6 +378,8 @@ impl Event {
             | Self::Missing { .. }
             | Self::PlanOverdue(_)
             | Self::RunRenumbered(_)
+            | Self::ClockInDoubt { .. }
+            | Self::ClockStoodStill(_)
             | Self::WaitingForQuorum(Shortfall::Majority { .. })
             | Self::AgreementLapsed(_)
             | Self::OffPath(_)

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::time::Duration;
 
 use formation_model::{
     ConfigurationId, Incarnation, Message, ModuleId, ModuleRun, Pose, SourceId, StoreId, Voter,
@@ -100,6 +101,12 @@ pub enum Output {
     /// Compute this plan, and hand it in as [`Input::Computed`]; it takes the place of an earlier request. Only agents
     /// [with plans of their host](super::Agent::with_plans_of_host) ask.
     Compute(PlanJob),
+    /// End this run, and begin another that goes on from [`super::Agent::memory`]: the clock stood still for about this long, so that
+    /// others take the heartbeats of this run for old ones.
+    BeginRun {
+        /// By how much the clock is late.
+        stood_still: Duration,
+    },
     /// Log an event.
     Event(Event),
 }

@@ -18,6 +18,8 @@
 
 mod aside;
 mod asked_plan;
+mod clock_check;
+mod clock_offset;
 mod context;
 mod convening;
 mod durable;
@@ -120,6 +122,13 @@ impl Agent {
     #[must_use]
     pub fn with_shared_samples(mut self) -> Self {
         self.context.own.shares_samples = true;
+        self
+    }
+
+    /// The same agent, published for by this participant, which may host others on the same clock.
+    #[must_use]
+    pub fn published_by(mut self, source: SourceId) -> Self {
+        self.context.own.source = Some(source);
         self
     }
 
@@ -304,6 +313,7 @@ impl Agent {
     /// Enforces C1.
     fn step(&mut self) {
         self.context.outbox.forget_wakes();
+        self.check_clock();
         let stood_back = self.succession.is_standing_back();
         let stands_back = self.succession.still_stands_back(self.context.now);
         if stood_back && !stands_back {
@@ -441,8 +451,11 @@ impl Agent {
         }
         let context = &mut self.context;
         let liveness = context.liveness();
-        match context.peers.handle_heartbeat(liveness, heartbeat, source) {
-            Ok(HeartbeatNews::Old) => return false,
+        let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
+        let is_clock_in_doubt = news.is_ok() && self.doubt_clock(run.module);
+        let context = &mut self.context;
+        match news {
+            Ok(HeartbeatNews::Old) => return is_clock_in_doubt,
             Ok(HeartbeatNews::StillLive { age }) => {
                 context.note_heard(run);
                 // What was too far ahead of this clock may be near enough by now.
@@ -455,7 +468,7 @@ impl Agent {
                 if is_commanded {
                     self.handle_stop(stop);
                 }
-                return is_late || is_commanded;
+                return is_late || is_commanded || is_clock_in_doubt;
             }
             Ok(HeartbeatNews::New) => {
                 self.handle_stop(heartbeat.stop);

@@ -164,7 +164,9 @@ impl Outbox {
         let known = heartbeats.shown;
         for output in self.outputs.split_off(begin.min(self.outputs.len())) {
             match &output {
-                Output::Halt | Output::Event(_) => self.outputs.push_back(output),
+                Output::Halt | Output::Event(_) | Output::BeginRun { .. } => {
+                    self.outputs.push_back(output);
+                }
                 Output::Publish(Message::Heartbeat(heartbeat)) => {
                     let stop = heartbeat.stop;
                     if Some(HeartbeatContent::of(heartbeat))

@@ -7,11 +7,10 @@ use formation_model::{
     Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, ModuleState, SourceId, Voter,
 };
 
+use super::clock_offset::ClockOffset;
+
 /// A state and its sender.
 pub(super) type KeptState = (Arc<ModuleState>, Option<SourceId>);
-
-/// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
-const DRIFT_DIVISOR: u32 = 1_000;
 
 /// A module that has left this many rosters of another in a row is left out by that one.
 const INTERRUPTIONS_MAX: u32 = 3;
@@ -36,8 +35,8 @@ pub(super) struct Peer {
     alive_at: Option<Duration>,
     /// When the first message of this incarnation came.
     first_seen: Duration,
-    /// The peer's start by this module's clock, as the least delayed heartbeat shows it; signed microseconds.
-    clock_offset_us: Option<(i128, Duration)>,
+    /// How its clock differs from this one's.
+    clock: Option<ClockOffset>,
     /// Until when it is considered failed because it made no progress.
     pub excluded_until: Duration,
     /// The number of rosters that listed it since it last agreed to one.
@@ -59,7 +58,7 @@ impl Peer {
             source,
             alive_at: None,
             first_seen: now,
-            clock_offset_us: None,
+            clock: None,
             excluded_until: Duration::ZERO,
             rosters_without_agreement: 0,
             interruptions: 0,
@@ -94,23 +93,19 @@ impl Peer {
         self.alive_at.unwrap_or(self.first_seen)
     }
 
-    /// Estimates when a heartbeat was sent, by this module's clock.
-    ///
-    /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift. A
-    /// heartbeat that lay in a buffer while this process or the network stood still is recognised as old in this way.
+    /// Estimates when a heartbeat was sent, by this module's clock; it is sent every `period`.
     /// Enforces M1.
-    pub fn sent_at(&mut self, now: Duration, uptime: Duration) -> Duration {
-        let micros = |duration: Duration| i128::try_from(duration.as_micros()).unwrap_or(i128::MAX);
-        let sample = micros(now) - micros(uptime).min(i128::MAX / 4);
-        let offset = match self.clock_offset_us {
-            None => sample,
-            Some((offset, at)) => {
-                sample.min(offset + micros(now.saturating_sub(at) / DRIFT_DIVISOR))
-            }
-        };
-        self.clock_offset_us = Some((offset, now));
-        let sent = (offset + micros(uptime).min(i128::MAX / 4)).clamp(0, micros(now));
-        Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
+    pub fn sent_at(&mut self, now: Duration, uptime: Duration, period: Duration) -> Duration {
+        match &mut self.clock {
+            Some(clock) => clock.add(now, uptime, period),
+            unknown => *unknown = Some(ClockOffset::first(now, uptime)),
+        }
+        self.clock.map_or(now, |clock| clock.sent_at(uptime))
+    }
+
+    /// How its clock differs from this one's; `None` before its first heartbeat.
+    pub fn clock(&self) -> Option<&ClockOffset> {
+        self.clock.as_ref()
     }
 
     /// Records a heartbeat that was sent at a time.

@@ -24,6 +24,8 @@ pub(super) const SILENCES_REMEMBERED: u32 = 4;
 pub(super) struct Liveness {
     /// The greatest incarnation that can be true.
     pub latest_stamp: u64,
+    /// The time between two heartbeats of a module.
+    pub period: Duration,
     pub now: Duration,
     pub suspicion: Duration,
 }
@@ -156,6 +158,11 @@ impl Peers {
         })
     }
 
+    /// All of them.
+    pub fn all(&self) -> impl Iterator<Item = &Peer> {
+        self.peers.values()
+    }
+
     /// The latest state of a module.
     pub fn state(&self, module: ModuleId) -> Option<&Arc<ModuleState>> {
         self.peers.get(&module)?.state.as_ref()
@@ -277,7 +284,7 @@ impl Peers {
             return Ok(HeartbeatNews::Old);
         }
         let age = peer.age(now);
-        let sent_at = peer.sent_at(now, heartbeat.uptime);
+        let sent_at = peer.sent_at(now, heartbeat.uptime, liveness.period);
         peer.note_heartbeat(heartbeat, sent_at);
         let was_live = age.is_some_and(|age| age <= liveness.suspicion);
         if !was_live || known.is_none_or(|known| known.epoch != heartbeat.epoch) {
@@ -504,6 +511,7 @@ mod tests {
         Liveness {
             latest_stamp: 1_000,
             now: Duration::from_secs(seconds),
+            period: Duration::from_millis(500),
             suspicion: Duration::from_secs(5),
         }
     }

@@ -10,6 +10,8 @@ use formation_protocol::DurableState;
 
 use super::*;
 
+mod rejoining;
+
 const SCENARIO: &str = "
 target: {spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}, {id: 3, x: 7.0, y: 5.0}], edges: [[1, 2], [2, 3]]}
 configurations:
@@ -74,10 +76,22 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
 
 /// The same from a later moment on.
 fn run_between(hosts: &mut [Host], begin: Duration, limit: Duration) -> Vec<Outgoing> {
+    run_with_clocks(hosts, begin, limit, &[])
+}
+
+/// The same, with clocks that are late by as much as is given.
+fn run_with_clocks(
+    hosts: &mut [Host],
+    begin: Duration,
+    limit: Duration,
+    late: &[Duration],
+) -> Vec<Outgoing> {
     let mut said = Vec::new();
     let mut now = begin;
+    let late = |host: usize| late.get(host).copied().unwrap_or_default();
     while now < limit {
         for speaker in 0..hosts.len() {
+            let now = now - late(speaker);
             hosts[speaker].advance(now);
             compute(&mut hosts[speaker], now);
             write(&mut hosts[speaker], now);
@@ -92,7 +106,8 @@ fn run_between(hosts: &mut [Host], begin: Duration, limit: Duration) -> Vec<Outg
         }
         now = hosts
             .iter()
-            .filter_map(Host::due)
+            .enumerate()
+            .filter_map(|(index, host)| Some(host.due()? + late(index)))
             .min()
             .map_or(limit, |due| due.max(now + Duration::from_millis(1)));
     }
@@ -528,37 +543,6 @@ fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
     let (identity, service) = again.modules().pop().unwrap();
     assert_eq!(service, Service::Retired);
     assert!(identity.incarnation > modules[0].0.incarnation);
-}
-
-/// As a process does whose machine gets another address: the other participant sends as the next runs of the modules.
-#[test]
-fn a_majority_that_joins_the_graph_again_still_counts_without_a_file() {
-    let (mut first, target) = host(&[4, 5]);
-    first.take_message(TARGET_PUBLISHER, target.clone());
-    let (mut second, _) = host(&[17]);
-    second.take_message(TARGET_PUBLISHER, target.clone());
-    let mut hosts = vec![first, second];
-    let (rejoins, end) = (Duration::from_secs(30), Duration::from_secs(90));
-    run(&mut hosts, rejoins);
-    assert_eq!(phase_of(&hosts[1], 17), Some(ModulePhase::Settled));
-
-    let left = hosts.remove(0);
-    let mut modules = left.modules();
-    let before = modules[0].0.voter();
-    for (identity, _) in &mut modules {
-        identity.incarnation.0 += 5;
-    }
-    assert_eq!(modules[0].0.voter(), before, "the memory is the same");
-    let (parameters, motion) = (AgentParameters::default(), Motion::default());
-    let memory = left.into_memory();
-    let mut again = Host::new(SourceId(200), modules, parameters, &motion, memory);
-    again.take_message(TARGET_PUBLISHER, target);
-    hosts.push(again);
-    run_between(&mut hosts, rejoins, end);
-    for (host, module) in [(0, 17), (1, 4), (1, 5)] {
-        let phase = phase_of(&hosts[host], module);
-        assert_eq!(phase, Some(ModulePhase::Settled), "module {module}");
-    }
 }
 
 #[test]

@@ -63,7 +63,15 @@ impl Cluster {
                 seen.insert(state.module);
             }
             let (source, message) = (delivery.source, delivery.message);
+            let is_heartbeat = matches!(message, Message::Heartbeat(_));
             self.input(channel.to, Input::Message { source, message });
+            let now = self.now();
+            if let Some(process) = self.processes.get_mut(&channel.to)
+                && is_heartbeat
+                && !process.clock.stands_still_at(now)
+            {
+                process.has_just_woken = false;
+            }
         }
     }
 
@@ -122,6 +130,7 @@ impl Cluster {
             timeout_at: None,
             drive,
             is_coasting: false,
+            has_just_woken: false,
             is_mute: false,
             is_lost: false,
             measured_off: <(MicroUnits, MicroUnits)>::default(),
@@ -155,6 +164,7 @@ impl Cluster {
         Clock {
             offset,
             drift_ppm: drift.cast_signed() - i64::from(drift_max),
+            ..Clock::default()
         }
     }
 
@@ -219,7 +229,12 @@ impl Cluster {
                 Output::Publish(mut message) => {
                     if let Message::ModuleState(state) = &mut message {
                         let at = &mut Arc::make_mut(state).at.0;
-                        *at = process.clock.global(*at);
+                        // Where the clock stood still it shows one time twice.
+                        *at = if *at == local {
+                            now
+                        } else {
+                            process.clock.global(*at)
+                        };
                     }
                     self.publish(module, &message);
                 }
@@ -275,6 +290,7 @@ impl Cluster {
                     let report = Input::Motion(MotionReport::Undocked(other));
                     process.agent.handle(local, report);
                 }
+                Output::BeginRun { .. } => return self.begin_run(module),
                 Output::Compute(job) => {
                     let run = process.run;
                     self.compute(run, job);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use formation_model::{
     ClosedRoster, Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase,
-    ModuleRun, QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, Voter, VoterMemory,
+    ModuleRun, QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, StoreId, Voter, VoterMemory,
 };
 use formation_motion::MotionReport;
 use formation_protocol::{Command, Identity, Input};
@@ -15,6 +15,7 @@ use super::Cluster;
 use super::schedule::Happening;
 use crate::faults::Fault;
 use crate::observation::Observation;
+use crate::process::Stored;
 
 /// A second in the numbers of runs, which count the starts of a module below that.
 const CLOCK_SECOND: u64 = 1_000_000;
@@ -212,6 +213,10 @@ impl Cluster {
         if let Some(body) = self.bodies.get_mut(&module) {
             body.pose = process.body();
             body.links = process.agent.links().clone();
+            if !body.store.is_some_and(StoreId::outlives_process) {
+                body.store = None;
+                self.stores.remove(&module);
+            }
         }
         self.observe(Observation::Stands(module, process.body()));
         self.transport.forget(module);
@@ -264,6 +269,52 @@ impl Cluster {
         let timeout = Happening::Timeout(process.run);
         self.note(Fault::Pause(module, span));
         self.schedule.add(until, timeout);
+    }
+
+    /// Suspends the machine of a process for a while: its clock and its drive stand still as well. What is sent to it best-effort is
+    /// lost, or waits for it.
+    pub fn suspend(&mut self, module: ModuleId, span: Duration) {
+        let now = self.now();
+        let until = now + span;
+        let Some(process) = self.processes.get_mut(&module) else {
+            return;
+        };
+        if process.inbox.held_until > now {
+            return;
+        }
+        process.inbox.held_until = until;
+        process.inbox.loses_best_effort = self.random.below(2) == 0;
+        process.clock.stand_still(now, until);
+        process.has_just_woken = true;
+        process.timeout_at = Some(until);
+        let timeout = Happening::Timeout(process.run);
+        self.note(Fault::Suspend(module, span));
+        self.schedule.add(until, timeout);
+    }
+
+    /// Ends the run of a process whose clock stood still, and begins another with all that it knows.
+    pub(super) fn begin_run(&mut self, module: ModuleId) {
+        let Some(mut process) = self.processes.remove(&module) else {
+            return;
+        };
+        let local = process.clock.local(self.now());
+        process
+            .drive
+            .halt(local + self.parameters.coasting.unwrap_or_default());
+        let seen = self.sightings.get(&process.run).cloned();
+        let state = process.agent.memory();
+        let seen = seen.unwrap_or_default();
+        self.stores.insert(module, Stored { state, seen });
+        if let Some(body) = self.bodies.get_mut(&module) {
+            body.pose = process.body();
+            body.links = process.agent.links().clone();
+            let incarnation = process.agent.run().incarnation;
+            body.incarnation = body.incarnation.max(incarnation);
+            body.store = body.store.or_else(|| StoreId::of_process(incarnation));
+        }
+        self.observe(Observation::Stands(module, process.body()));
+        self.transport.forget(module);
+        self.schedule.add(self.now(), Happening::Start(module));
     }
 
     /// Cuts these modules off from all others.

@@ -158,12 +158,19 @@ impl Cluster {
         process.is_some_and(|process| process.is_lost)
     }
 
-    /// The plan on which a module moves; `None` while its drive stands still, or only moves on after its last goal.
+    /// The plan on which a module moves; `None` while its drive or its machine stands still, or only moves on after its last goal.
     #[must_use]
     pub fn plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {
         let process = self.processes.get(&module)?;
-        let is_driven = process.drive.is_moving() && !process.is_coasting;
+        let goes_on = process.drive.is_moving() && !process.clock.stands_still_at(self.now());
+        let is_driven = goes_on && !process.is_coasting;
         process.driven_by.filter(|_| is_driven)
+    }
+
+    /// Whether a module's machine was suspended and no heartbeat has come since it goes on.
+    pub(crate) fn has_just_woken(&self, module: ModuleId) -> bool {
+        let process = self.processes.get(&module);
+        process.is_some_and(|process| process.has_just_woken)
     }
 
     /// The plan of the last goal that a running module's drive received.

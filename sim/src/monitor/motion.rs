@@ -54,11 +54,13 @@ impl Monitor {
             let detail = format!("{module} moves without a plan");
             return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
         };
+        // Between waking and the first heartbeat a machine does not know that it was suspended.
+        let has_just_woken = cluster.has_just_woken(module);
         for other in cluster.running() {
-            if cluster
+            let moves_on_another = cluster
                 .plan_in_motion(other)
-                .is_some_and(|other| other != plan)
-            {
+                .is_some_and(|other| other != plan);
+            if moves_on_another && !has_just_woken && !cluster.has_just_woken(other) {
                 let detail = format!("{module} on {} while {other} moves on another", plan.0);
                 self.violate(at, ViolationKind::TwoPlansInMotion, detail);
             }
@@ -90,7 +92,7 @@ impl Monitor {
             let detail = format!("{module} on {}", plan.0);
             self.violate(at, ViolationKind::MotionBeforeLease, detail);
         }
-        if let Some(member) = left_for_long {
+        if let Some(member) = left_for_long.filter(|_| !has_just_woken) {
             let detail = format!("{module} on {} long after {member} left it", plan.0);
             self.violate(at, ViolationKind::MotionOnStalePlan, detail);
         }

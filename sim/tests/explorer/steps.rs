@@ -211,7 +211,10 @@ impl Explorer {
                         actor.agent.handle(now, Input::Motion(report));
                     }
                     // These agents compute their plans themselves.
-                    Output::Event(_) | Output::Persist { .. } | Output::Compute(_) => {}
+                    Output::Event(_)
+                    | Output::Persist { .. }
+                    | Output::Compute(_)
+                    | Output::BeginRun { .. } => {}
                 }
             }
             actor.hash = hash_of(&(

@@ -241,7 +241,7 @@ impl Acting {
         }
         let moves = matches!(self.task, Task::Moving { held: None, .. });
         let may_move = || self.held.lagging(context).is_empty();
-        if moves && !context.stop.stopped && may_move() {
+        if moves && !context.holds_still() && may_move() {
             self.goal()
         } else {
             None
@@ -296,7 +296,7 @@ impl Acting {
             return Continuation::Wait;
         }
         let mut lagging = self.held.lagging_now(context);
-        if context.stop.stopped && lagging.is_empty() {
+        if context.holds_still() && lagging.is_empty() {
             lagging.push(context.module());
         }
         lagging.extend(self.off_path(context));
@@ -461,7 +461,7 @@ impl Acting {
         lagging: &[ModuleId],
         context: &mut Context,
     ) {
-        let stopped = context.stop.stopped;
+        let stopped = context.holds_still();
         if stopped || !lagging.is_empty() {
             if held.is_none() {
                 let held = Some(context.now);

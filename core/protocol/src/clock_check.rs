@@ -1,0 +1,83 @@
+//! Whether the clock of this process stood still, as that of a machine that was suspended.
+//!
+//! Heartbeats tell how long their senders have run. If those of one module suddenly come earlier than its clock and this one allow,
+//! either its messages were late before, or this clock stood still; in both cases this process took old heartbeats for new ones, and
+//! it halts. If those of at least half of the others do, its clock stood still. To the others each of its heartbeats is as old as that
+//! lasted, and none of them judges it by another offset, because a clock that stood still and a queue look the same to them. So it
+//! begins a new run.
+
+use std::time::Duration;
+
+use formation_model::ModuleId;
+
+use super::Agent;
+use super::clock_offset::{ClockDoubt, ClockOffset};
+use super::context::Context;
+use super::event::Event;
+use super::io::Output;
+use super::parameters::AgentParameters;
+use super::peer::Peer;
+
+/// For how many periods of heartbeats a process compares its clock with those of others.
+const PERIODS: u32 = 2;
+
+impl Context {
+    /// How much earlier than before the heartbeats of modules of other processes come since a time. A module that was heard only since
+    /// then shows nothing if its come no earlier.
+    fn gains_since(&self, since: Duration) -> Vec<Duration> {
+        let own = self.own.source;
+        let is_other = |peer: &&Peer| own.is_none() || peer.source != own;
+        let clocks = self.peers.all().filter(is_other).filter_map(Peer::clock);
+        let gain = |clock: &ClockOffset| {
+            let gain = clock.gain_since(since);
+            let (first, latest) = clock.heard();
+            (latest >= since && (first < since || !gain.is_zero())).then_some(gain)
+        };
+        clocks.filter_map(gain).collect()
+    }
+}
+
+impl Agent {
+    /// Doubts the clock if the latest heartbeat of a module shows that it may have stood still; returns whether it does so.
+    /// Enforces M8.
+    pub(super) fn doubt_clock(&mut self, module: ModuleId) -> bool {
+        // Without a plan nothing moves by the ages of heartbeats, and these are often late while many processes start.
+        let holds_plan = self.digest().is_some();
+        let context = &mut self.context;
+        let AgentParameters {
+            heartbeat, lease, ..
+        } = context.parameters;
+        let limit = if holds_plan { heartbeat } else { lease };
+        let (since, clock) = (context.now, context.peers.get(module).and_then(Peer::clock));
+        let gain = clock.map_or(Duration::ZERO, |clock| clock.gain_since(since));
+        if gain <= limit || context.clock_doubt.is_some() {
+            return false;
+        }
+        context.clock_doubt = Some(ClockDoubt { since, limit });
+        context.stand_still();
+        context.emit(Event::ClockInDoubt { module, gain });
+        true
+    }
+
+    /// Judges a clock in doubt once the others have sent heartbeats.
+    /// Enforces M8.
+    pub(super) fn check_clock(&mut self) {
+        let Some(ClockDoubt { since, limit }) = self.context.clock_doubt else {
+            return;
+        };
+        let until = since + self.context.parameters.heartbeat * PERIODS;
+        if self.context.now < until {
+            return self.context.wake_at(until);
+        }
+        self.context.clock_doubt = None;
+        let mut gains = self.context.gains_since(since);
+        gains.sort_unstable();
+        let compared = gains.len();
+        gains.retain(|&gain| gain > limit);
+        if gains.len() * 2 >= compared.max(1) {
+            let stood_still = gains[gains.len() / 2];
+            self.context.emit(Event::ClockStoodStill(stood_still));
+            self.context.outbox.push(Output::BeginRun { stood_still });
+        }
+    }
+}

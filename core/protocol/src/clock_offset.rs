@@ -1,0 +1,141 @@
+//! How the clock of another process differs from this one's, as its heartbeats show it.
+
+use std::time::Duration;
+
+/// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
+const DRIFT_DIVISOR: u32 = 1_000;
+
+/// The start of another run by this module's clock, in signed microseconds, as its least delayed heartbeat shows it.
+#[derive(Clone, Copy, Debug, Hash)]
+pub(super) struct ClockOffset {
+    start_us: i128,
+    /// When the first heartbeat came, and the latest.
+    first_heard_at: Duration,
+    heard_at: Duration,
+    /// The start as it was known when no heartbeat had come for a while, and until when that is compared with.
+    before_us: i128,
+    before_until: Duration,
+    /// How much earlier heartbeats last came than those before, if that was more than the time between two, and when.
+    gain: Option<(Duration, Duration)>,
+}
+
+/// A clock that may have stood still.
+#[derive(Clone, Copy, Debug, Hash)]
+pub(super) struct ClockDoubt {
+    /// Since when.
+    pub since: Duration,
+    /// For how long it must have stood still to be late.
+    pub limit: Duration,
+}
+
+fn micros(duration: Duration) -> i128 {
+    i128::try_from(duration.as_micros()).map_or(i128::MAX / 4, |micros| micros.min(i128::MAX / 4))
+}
+
+impl ClockOffset {
+    /// What the first heartbeat of a run shows, which has this uptime.
+    pub fn first(now: Duration, uptime: Duration) -> Self {
+        let start_us = micros(now) - micros(uptime);
+        Self {
+            start_us,
+            first_heard_at: now,
+            heard_at: now,
+            before_us: start_us,
+            before_until: now,
+            gain: None,
+        }
+    }
+
+    /// Adds a heartbeat; those that come within `period` of the one before are compared with the same earlier ones.
+    ///
+    /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift.
+    pub fn add(&mut self, now: Duration, uptime: Duration, period: Duration) {
+        let creep = micros(now.saturating_sub(self.heard_at) / DRIFT_DIVISOR);
+        let expected = self.start_us + creep;
+        if now >= self.before_until {
+            (self.before_us, self.before_until) = (expected, now + period / 2);
+        }
+        self.start_us = expected.min(micros(now) - micros(uptime));
+        self.heard_at = now;
+        let gain = self.before_us - self.start_us;
+        if gain > micros(period) {
+            let gain = Duration::from_micros(u64::try_from(gain).unwrap_or(u64::MAX));
+            self.gain = Some((now, gain));
+        }
+    }
+
+    /// When a heartbeat with this uptime was sent. One that lay in a buffer while this process or the network stood still is
+    /// recognised as old in this way.
+    /// Enforces M1.
+    pub fn sent_at(&self, uptime: Duration) -> Duration {
+        let sent = (self.start_us + micros(uptime)).clamp(0, micros(self.heard_at));
+        Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
+    }
+
+    /// When the first heartbeat came, and the latest.
+    pub fn heard(&self) -> (Duration, Duration) {
+        (self.first_heard_at, self.heard_at)
+    }
+
+    /// By how much heartbeats since a time came earlier than those before, if that was more than the time between two: for as long
+    /// did this clock stand still, or was every message late.
+    pub fn gain_since(&self, time: Duration) -> Duration {
+        let gain = self.gain.filter(|&(at, _)| at >= time);
+        gain.map_or(Duration::ZERO, |(_, gain)| gain)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: Duration = Duration::from_millis(500);
+
+    fn at(millis: u64) -> Duration {
+        Duration::from_millis(millis)
+    }
+
+    #[test]
+    fn a_clock_that_stood_still_shows_in_each_heartbeat_and_in_a_queue_of_them() {
+        let mut one = ClockOffset::first(at(1_000), at(20));
+        one.add(at(1_510), at(520), PERIOD);
+        let before = one;
+        assert_eq!(one.gain_since(at(0)), Duration::ZERO, "10 ms are a delay");
+        one.add(at(1_900), at(30_900), PERIOD);
+        let gain = one.gain_since(at(1_900));
+        assert!(gain > at(29_900) && gain < at(30_100), "{gain:?}");
+        one.add(at(2_400), at(31_400), PERIOD);
+        assert_eq!(one.gain_since(at(1_900)), gain, "it is known for a while");
+        assert_eq!(one.gain_since(at(2_400)), Duration::ZERO);
+
+        let mut queued = before;
+        for sent in 2..60 {
+            queued.add(at(1_900), at(20 + 500 * sent), PERIOD);
+        }
+        assert!(queued.gain_since(at(1_900)) > at(28_500));
+    }
+
+    #[test]
+    fn a_link_that_becomes_four_seconds_slower_makes_all_heartbeats_four_seconds_old() {
+        let mut one = ClockOffset::first(at(1_000), at(0));
+        for beat in 1..1_000 {
+            let now = at(5_000 + 500 * beat);
+            one.add(now, at(500 * beat), PERIOD);
+            let age = now - one.sent_at(at(500 * beat));
+            // Clocks may drift by a thousandth.
+            let crept = at(beat / 2 + 4);
+            assert!(age > at(3_999) - crept, "{beat}: {age:?}");
+        }
+    }
+
+    #[test]
+    fn drift_and_a_peer_that_falls_behind_are_no_gain() {
+        let mut one = ClockOffset::first(at(1_000), at(0));
+        for beat in 1..10_000 {
+            one.add(at(1_000 + 500 * beat), at(500 * beat + beat / 4), PERIOD);
+        }
+        assert_eq!(one.gain_since(at(0)), Duration::ZERO);
+        one.add(at(5_060_000), at(5_002_000), PERIOD);
+        assert_eq!(one.gain_since(at(0)), Duration::ZERO);
+    }
+}

@@ -1,0 +1,87 @@
+//! Machines that are suspended with their clocks.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use std::time::Duration;
+
+use formation_generate::Grouping;
+use formation_model::ModuleId;
+use formation_protocol::Event;
+use formation_sim::{CampaignParameters, FaultKind};
+
+use crate::support::{Trial, drawn, ids, run_all};
+
+const SUSPENDED: Duration = Duration::from_secs(30);
+
+fn is_found(event: &Event) -> bool {
+    matches!(event, Event::ClockStoodStill(_))
+}
+
+/// The clock of one module, another each time, stops for half a minute once all have settled.
+/// Shows M8.
+#[test]
+fn a_module_whose_clock_stood_still_is_back_on_its_spot_within_a_minute() {
+    for turn in 0..30 {
+        let (seed, modules) = (turn as u64, 2 + turn % 9);
+        let problem = drawn(modules, modules, Grouping::Mixed, seed);
+        let mut trial = Trial::new(&problem, seed);
+        trial.until_formed_again();
+        let running = trial.cluster.running();
+        let mut running = running.iter().cycle().skip(turn);
+        let module = *running.next().unwrap();
+        trial.cluster.suspend(module, SUSPENDED);
+        trial.run_for(SUSPENDED);
+        assert_eq!(trial.count(is_found), 0, "{seed}");
+        let woken = trial.cluster.now();
+        trial.until_formed_again();
+        assert_eq!(trial.count(is_found), 1, "{seed}");
+        let took = trial.cluster.now() - woken;
+        assert!(took < Duration::from_secs(60), "{seed}: {took:?}");
+    }
+}
+
+/// Of two that wake one after the other, the second compares itself with those that go on and with the first, whose clock is later.
+#[test]
+fn two_of_three_machines_that_were_suspended_both_begin_new_runs() {
+    let problem = drawn(3, 3, Grouping::Singletons, 5);
+    let mut trial = Trial::new(&problem, 5);
+    trial.until_formed_again();
+    trial.cluster.suspend(ModuleId(1), SUSPENDED);
+    trial.run_for(Duration::from_secs(5));
+    trial.cluster.suspend(ModuleId(2), SUSPENDED / 2);
+    trial.run_for(SUSPENDED);
+    trial.until_formed_again();
+    assert_eq!(trial.count(is_found), 2);
+}
+
+/// One module is slow to be heard and then is not: the others halt for a moment, and none of them begins a new run for it.
+#[test]
+fn one_link_that_becomes_faster_is_no_reason_for_a_new_run() {
+    let problem = drawn(6, 6, Grouping::Singletons, 3);
+    let mut trial = Trial::new(&problem, 3);
+    trial.until_formed_again();
+    // A participant that claims to have run for 20 s at once, and for 60 s a moment later.
+    let stranger = ModuleId(99).run(formation_model::Incarnation(1));
+    trial.cluster.forge_heartbeat(stranger, 20, None);
+    trial.run_for(Duration::from_millis(500));
+    trial.cluster.forge_heartbeat(stranger, 60, None);
+    trial.run_for(Duration::from_secs(5));
+    let doubts = |event: &Event| matches!(event, Event::ClockInDoubt { .. });
+    assert_eq!(trial.count(doubts), 6);
+    assert_eq!(trial.count(is_found), 0);
+    assert_eq!(
+        trial.cluster.running().len(),
+        ids(&[1, 2, 3, 4, 5, 6]).len()
+    );
+}
+
+#[test]
+fn machines_that_are_suspended_leave_no_hole() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Suspended,
+        modules_min: 2,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    run_all(&parameters, 0..150);
+}
