@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use formation_generate::{Apart, GenerateError, GeneratorParameters, Grouping, Random, set_apart};
 use formation_model::{
-    ModuleId, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
+    ModuleId, MotionMode, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
 };
 use formation_protocol::AgentParameters;
 use formation_verify::Violation as Breach;
@@ -158,6 +158,9 @@ fn draw_problem(
     let of_robots = parameters.faults.is_of_robots().then_some(ROBOTS_APART);
     if let Some((apart, percent)) = parameters.apart.or(of_robots) {
         set_apart(&mut raw, apart, percent, random.below(u64::MAX));
+    }
+    if of_robots.is_some() {
+        raw.planner.motion = MotionMode::Paths;
     }
     Ok(Scenario::try_from(raw)?.problem().clone())
 }

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use crate::standing_bodies::BodyForm;
 use crate::{
-    BlockedSpot, BodyReport, ModuleId, MotionMode, Roster, RosterMember, Service, SpotId, Target,
+    Area, BlockedSpot, BodyReport, ModuleId, MotionMode, Roster, RosterMember, Service, SpotId, Target,
     Whereabouts,
 };
 
@@ -16,7 +17,8 @@ pub fn lists(members: &[RosterMember], module: ModuleId) -> bool {
 ///
 /// The bodies are those that `bodies` reports of modules that are not members, and those of members that stay where they are: of
 /// those whose motion failed, and of retired ones where modules move along paths only. The spot of an active member that has
-/// settled on it is free of other bodies.
+/// settled on it is free of other bodies. Where modules move along paths only, a body covers a spot if it reaches into its cell, and
+/// otherwise if it is nearer than half a unit.
 pub fn blocked_spots(
     target: &Target,
     motion: MotionMode,
@@ -47,17 +49,38 @@ pub fn blocked_spots(
     let active = RosterMember::active(members);
     let mut pins: Vec<SpotId> = active.filter_map(|member| member.module.pin).collect();
     pins.sort_unstable();
+    // Along paths no module reaches a spot if a body reaches into its cell.
+    let areas: Vec<Vec<Area>> = match motion {
+        MotionMode::Paths => areas_of(target, &standing),
+        MotionMode::Auto | MotionMode::Straight => vec![Vec::new(); standing.len()],
+    };
     let spots = target.spots().iter();
     spots
         .filter(|spot| pins.binary_search(&spot.id).is_err())
         .filter_map(|spot| {
-            let body = standing.iter().find(|body| body.covers(&spot.pose))?;
+            let cell = Area::cell(spot);
+            let mut bodies = standing.iter().zip(&areas);
+            let (body, _) = bodies.find(|(body, areas)| {
+                body.covers(&spot.pose) || areas.iter().any(|area| area.overlaps(&cell))
+            })?;
             Some(BlockedSpot {
                 spot: spot.id,
                 module: body.module,
             })
         })
         .collect()
+}
+
+/// What each body covers.
+fn areas_of(target: &Target, bodies: &[BodyReport]) -> Vec<Vec<Area>> {
+    let form = BodyForm::of(Some(target));
+    let mut known = 0;
+    let of_each = bodies.iter().map(|body| {
+        let areas = form.areas(body.whereabouts.poses(), known);
+        known += areas.len();
+        areas
+    });
+    of_each.collect()
 }
 
 /// The part of a target that can be formed although some of its spots are blocked: of the connected parts of the others,
@@ -194,6 +217,20 @@ mod tests {
         let around = [report(9, Whereabouts::OnTheWay(path))];
         assert_eq!(blocked(&[], &around), [(2, 9), (5, 9)]);
         assert_eq!(blocked(&[], &[report(9, Whereabouts::Removed)]), []);
+    }
+
+    /// A planner of paths refuses a spot if a body reaches into its cell.
+    #[test]
+    fn along_paths_a_body_covers_the_cells_that_it_reaches_into() {
+        let covered = |x, y| {
+            let bodies = [report(9, Whereabouts::Seen(at(x, y)))];
+            let blocked = blocked_spots(&row(7), MotionMode::Paths, &[], &bodies);
+            let spots = blocked.iter().map(|blocked| blocked.spot.0);
+            spots.collect::<Vec<_>>()
+        };
+        assert_eq!(covered(3.0, 0.94), [3], "bodies are 0.9 units wide");
+        assert_eq!(covered(3.0, 0.95), [0; 0]);
+        assert_eq!(covered(3.06, 0.0), [3, 4]);
     }
 
     #[test]

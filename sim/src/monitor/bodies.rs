@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
-    BodyReport, ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target,
+    BodyReport, ModuleId, ModulePhase, MotionMode, ModuleState, Pose, Roster, Service, SpotId, Target,
     Whereabouts,
 };
 
@@ -20,6 +20,9 @@ use crate::cluster::Cluster;
 
 /// A body of any width stands on a spot if it is nearer to it than half the pitch of the lattice.
 const HALF_WIDTH_UNITS: f64 = 0.5;
+
+/// Poses are whole millionths of a unit.
+const ROUNDING_UNITS: f64 = 1e-6;
 
 impl Monitor {
     /// A module settles, or stands by without a spot: no other one stands on the same spot.
@@ -93,15 +96,24 @@ impl Monitor {
         } else {
             received.max_by_key(|announcement| announcement.revision)
         };
-        let Some(target) = announcement.and_then(|announcement| announcement.target.as_ref())
+        let Some((announcement, target)) =
+            announcement.and_then(|announced| Some((announced, announced.target.as_ref()?)))
         else {
             return false;
         };
         let states = group
             .iter()
             .filter_map(|&module| self.state(cluster, module));
-        let bodies = states.flat_map(|state| &state.bodies);
-        blocks_all(target, bodies.filter(|body| !group.contains(&body.module)))
+        let bodies = states.clone().flat_map(|state| &state.bodies);
+        let absent = bodies.filter(|body| !group.contains(&body.module));
+        let failed = states.filter(|state| state.service == Service::MotionFailed);
+        let lines: Vec<(Pose, Pose)> = failed
+            .map(|state| (state.pose, state.pose))
+            .chain(absent.flat_map(|body| lines_of(&body.whereabouts)))
+            .collect();
+        let motion = announcement.parameters.motion;
+        let mut spots = target.spots().iter();
+        spots.all(|spot| is_covered(&spot.pose, &lines, motion, target))
     }
 
     /// The spot on which a module has just settled.
@@ -146,10 +158,8 @@ pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
         .collect();
     let is_open = |position: usize| {
         let spot = target.spots()[position];
-        let covered = lines
-            .iter()
-            .any(|(from, to)| is_near_line(&spot.pose, from, to));
-        held.contains(&spot.id) || !covered
+        let motion = roster.target.parameters.motion;
+        held.contains(&spot.id) || !is_covered(&spot.pose, &lines, motion, target)
     };
     let mut left: Vec<usize> = (0..target.spots().len())
         .filter(|&one| is_open(one))
@@ -180,6 +190,40 @@ fn lines_of(whereabouts: &Whereabouts) -> Vec<(Pose, Pose)> {
         [pose] => vec![(*pose, *pose)],
         _ => poses.windows(2).map(|pair| (pair[0], pair[1])).collect(),
     }
+}
+
+/// Whether bodies on these lines keep all others off a spot.
+fn is_covered(spot: &Pose, lines: &[(Pose, Pose)], motion: MotionMode, target: &Target) -> bool {
+    let width = target.surroundings().body_width().to_units();
+    let along_paths = motion == MotionMode::Paths;
+    lines.iter().any(|(from, to)| {
+        is_near_line(spot, from, to) || along_paths && reaches_into_cell(spot, (from, to), width)
+    })
+}
+
+/// Whether a square body of this width that goes from one pose to another comes into the cell of a spot, whose sides are one unit.
+fn reaches_into_cell(spot: &Pose, (from, to): (&Pose, &Pose), width: f64) -> bool {
+    let reach = |pose: &Pose| {
+        let heading = pose.theta.to_units();
+        (heading.cos().abs() + heading.sin().abs()) * width / 2.0
+    };
+    // The part of the line on which body and cell overlap along both axes.
+    let limit = HALF_WIDTH_UNITS + reach(from).max(reach(to)) - ROUNDING_UNITS;
+    let ((x, y), (from_x, from_y), (to_x, to_y)) = (units(spot), units(from), units(to));
+    let (mut first, mut last) = (0.0_f64, 1.0_f64);
+    for (begin, end) in [(from_x - x, to_x - x), (from_y - y, to_y - y)] {
+        let way = end - begin;
+        if way.abs() <= ROUNDING_UNITS {
+            if begin.abs() >= limit {
+                return false;
+            }
+            continue;
+        }
+        let (one, other) = ((-limit - begin) / way, (limit - begin) / way);
+        first = first.max(one.min(other));
+        last = last.min(one.max(other));
+    }
+    first <= last
 }
 
 fn units(pose: &Pose) -> (f64, f64) {
