@@ -15,6 +15,7 @@ mod bodies;
 mod breaks;
 mod exploration;
 mod explorer;
+mod localisation;
 mod mutations;
 mod observed;
 mod paths;

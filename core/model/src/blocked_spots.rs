@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::standing_bodies::BodyForm;
 use crate::{
-    Area, BlockedSpot, BodyReport, ModuleId, MotionMode, Roster, RosterMember, Service, SpotId, Target,
-    Whereabouts,
+    Area, BlockedSpot, BodyReport, ModuleId, MotionMode, Roster, RosterMember, Service, SpotId,
+    Target, Whereabouts,
 };
 
 /// Whether a module is among these members, which ascend by module.

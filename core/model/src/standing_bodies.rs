@@ -1,7 +1,9 @@
 //! What bodies cover that take no part in a plan.
 
 use crate::blocked_spots::lists;
-use crate::{Area, BODY_WIDTH, MICRO_PER_UNIT, MicroUnits, Pose, Roster, Service, Target, polyline};
+use crate::{
+    Area, BODY_WIDTH, MICRO_PER_UNIT, MicroUnits, Pose, Roster, Service, Target, polyline,
+};
 
 /// A longer path of a body stands for the rectangles around its lines: 1,000 units.
 const PATH_SAMPLED_MAX: MicroUnits = MicroUnits(1_000 * MICRO_PER_UNIT);

@@ -14,6 +14,26 @@ use super::goal::{MotionGoal, MotionReport};
 use formation_model::{DockingAction, DockingRequest, DockingResult, MicroUnits, ModuleId, Pose};
 use rest::Rest;
 
+/// For longer than this no driver follows a goal that does not repeat.
+const HOLDING: Duration = Duration::from_secs(2);
+
+/// A pose that is further than this from where a module is to stand is no noise.
+const JUMP: MicroUnits = MicroUnits(100_000);
+
+/// Where a module is to stand.
+#[derive(Clone, Copy, Debug)]
+struct Holding {
+    pose: Pose,
+    until: Duration,
+}
+
+impl Holding {
+    fn at(pose: Pose, now: Duration) -> Self {
+        let until = now + HOLDING;
+        Self { pose, until }
+    }
+}
+
 /// The limits and tolerances for a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExternalParameters {
@@ -25,7 +45,7 @@ pub struct ExternalParameters {
     pub docking_repeat: Duration,
     /// The longest time until a module stands still after its goals cease.
     pub halt_limit: Duration,
-    /// A module whose poses stay within the tolerances for this long stands still.
+    /// A module whose poses, or the running mean of them, stay within the tolerances for this long stands still.
     pub still: Duration,
     /// The distance from its goal at which a module has arrived, and by which a standing module, by the mean of its last poses,
     /// can move unreported.
@@ -51,7 +71,7 @@ impl Default for ExternalParameters {
 /// A command to a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveCommand {
-    /// Move there; stop when the command is no longer repeated.
+    /// Move there; stop when the command is no longer repeated, or at once if it names the present pose.
     Goal(Pose),
     /// Dock to another module, or undock from it.
     Docking(DockingRequest),
@@ -66,8 +86,8 @@ enum State {
     },
     Halting {
         since: Duration,
-        /// The pose near which all later ones are, and its time.
-        still: Option<(Pose, Duration)>,
+        /// The pose near which all later ones are, and its time; and the same of the running mean.
+        still: [Option<(Pose, Duration)>; 2],
         /// Whether [`DriveFault::NotStanding`] has been reported.
         is_overdue: bool,
     },
@@ -85,6 +105,8 @@ pub struct ExternalDrive {
     received: Duration,
     /// Where it was reported last, and measured since.
     rest: Rest,
+    /// Where it is to stand, until the driver certainly follows no earlier goal.
+    holding: Option<Holding>,
     state: State,
     docking: DockingQueue,
     commands: VecDeque<DriveCommand>,
@@ -101,6 +123,7 @@ impl ExternalDrive {
             pose,
             received: Duration::ZERO,
             rest: Rest::at(pose),
+            holding: None,
             state: State::Standing,
             docking: DockingQueue::new(
                 parameters.docking_limit,
@@ -126,16 +149,18 @@ impl ExternalDrive {
         self.commands.push_back(DriveCommand::Goal(goal.pose));
     }
 
-    /// Stops sending goals; the halt is reported once the module is measured to stand still.
+    /// Sends the pose as the goal for as long as the driver may follow an earlier goal, then nothing. The halt is reported once the module is measured to stand still.
     pub fn halt(&mut self, now: Duration) {
         match self.state {
             State::Standing => self.report(MotionReport::Halted(self.pose)),
             State::Travelling { .. } => {
                 self.state = State::Halting {
                     since: now,
-                    still: None,
+                    still: [None; 2],
                     is_overdue: false,
                 };
+                self.holding = Some(Holding::at(self.pose, now));
+                self.commands.push_back(DriveCommand::Goal(self.pose));
             }
             State::Halting { .. } => {}
         }
@@ -151,6 +176,7 @@ impl ExternalDrive {
     pub fn handle_pose(&mut self, now: Duration, pose: Pose) {
         self.pose = pose;
         self.received = now;
+        self.hold(now, &pose);
         match self.state {
             State::Standing => {
                 self.rest.measure(&pose);
@@ -160,6 +186,7 @@ impl ExternalDrive {
             }
             State::Travelling { goal, .. } if self.is_near(&goal, &pose) => {
                 self.state = State::Standing;
+                self.holding = Some(Holding::at(goal, now));
                 self.report(MotionReport::Arrived { goal, pose });
             }
             State::Travelling { .. } => self.report(MotionReport::Pose(pose)),
@@ -167,21 +194,54 @@ impl ExternalDrive {
                 since,
                 still,
                 is_overdue,
-            } => match still.filter(|(anchor, _)| self.is_near(anchor, &pose)) {
-                Some((_, still_since)) => {
-                    if now.saturating_sub(still_since) >= self.parameters.still {
-                        self.state = State::Standing;
-                        self.report(MotionReport::Halted(pose));
-                    }
+            } => {
+                self.rest.measure(&pose);
+                let mean = self.rest.mean;
+                // A module whose poses are exact stands still sooner, and one whose poses scatter does so by their mean.
+                let still = [(still[0], pose), (still[1], mean)].map(|(still, pose)| {
+                    let near = still.filter(|(anchor, _)| self.is_near(anchor, &pose));
+                    near.unwrap_or((pose, now))
+                });
+                let stands =
+                    still.map(|(_, since)| now.saturating_sub(since) >= self.parameters.still);
+                if stands.contains(&true) {
+                    self.state = State::Standing;
+                    let pose = if stands[0] { pose } else { mean };
+                    return self.report(MotionReport::Halted(pose));
                 }
-                None => {
-                    self.state = State::Halting {
-                        since,
-                        still: Some((pose, now)),
-                        is_overdue,
-                    };
+                self.state = State::Halting {
+                    since,
+                    still: still.map(Some),
+                    is_overdue,
+                };
+                if !self.is_near(&self.rest.reported, &mean) {
+                    self.report(MotionReport::Pose(mean));
                 }
-            },
+            }
+        }
+    }
+
+    /// A driver that follows an earlier goal stops at once if it gets its pose as the goal. If its localisation jumps, it would go from
+    /// there to the earlier goal, and that pose becomes the goal. Otherwise the goal stays, so that noise moves it nowhere.
+    fn hold(&mut self, now: Duration, pose: &Pose) {
+        let halts = match self.state {
+            State::Travelling { .. } => {
+                self.holding = None;
+                false
+            }
+            State::Halting { .. } => true,
+            State::Standing => false,
+        };
+        self.holding = self.holding.filter(|holding| now < holding.until);
+        let Some(holding) = &mut self.holding else {
+            return;
+        };
+        let has_jumped = holding.pose.distance_to(pose) > JUMP;
+        if has_jumped {
+            holding.pose = *pose;
+        }
+        if has_jumped || halts {
+            self.commands.push_back(DriveCommand::Goal(holding.pose));
         }
     }
 

@@ -10,8 +10,8 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
-    BodyReport, ModuleId, ModulePhase, MotionMode, ModuleState, Pose, Roster, Service, SpotId, Target,
-    Whereabouts,
+    BodyReport, ModuleId, ModulePhase, ModuleState, MotionMode, Pose, Roster, Service, SpotId,
+    Target, Whereabouts,
 };
 
 use super::contact::nearest;
