@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::standing_bodies::BodyForm;
+use crate::body_form::BodyForm;
 use crate::{
     Area, BlockedSpot, BodyReport, ModuleId, MotionMode, Roster, RosterMember, Service, SpotId,
     Target, Whereabouts,

@@ -7,6 +7,7 @@ mod area;
 mod area_union;
 pub mod blocked_spots;
 pub mod body;
+mod body_form;
 mod closed_roster;
 mod covered_area;
 mod cut_nodes;

@@ -1,57 +1,8 @@
 //! What bodies cover that take no part in a plan.
 
 use crate::blocked_spots::lists;
-use crate::{
-    Area, BODY_WIDTH, MICRO_PER_UNIT, MicroUnits, Pose, Roster, Service, Target, polyline,
-};
-
-/// A longer path of a body stands for the rectangles around its lines: 1,000 units.
-const PATH_SAMPLED_MAX: MicroUnits = MicroUnits(1_000 * MICRO_PER_UNIT);
-
-/// When there are as many obstacles, the paths of further bodies do, too.
-const AREAS_SAMPLED_MAX: usize = 1 << 17;
-
-/// What the bodies of a formation cover.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct BodyForm {
-    width: MicroUnits,
-    is_round: bool,
-}
-
-impl BodyForm {
-    pub fn of(target: Option<&Target>) -> Self {
-        let surroundings = target.map(Target::surroundings);
-        Self {
-            width: surroundings.map_or(BODY_WIDTH, |surroundings| surroundings.body_width()),
-            is_round: surroundings.is_some_and(|surroundings| surroundings.body().is_round()),
-        }
-    }
-
-    fn standing(self, pose: &Pose) -> Vec<Area> {
-        match self.is_round {
-            true => Area::of_round_body(pose, self.width),
-            false => vec![Area::of_body(pose, self.width)],
-        }
-    }
-
-    /// What a body may cover that is at a pose or on the way through several, in rectangles; in few if `known` others are many.
-    pub fn areas(self, path: &[Pose], known: usize) -> Vec<Area> {
-        if let [pose] = path {
-            return self.standing(pose);
-        }
-        let spacing = MicroUnits(MICRO_PER_UNIT / 2);
-        // What a report says cannot make a plan take more memory than there is.
-        let is_sampled = polyline::length(path) <= PATH_SAMPLED_MAX && known < AREAS_SAMPLED_MAX;
-        let lines = polyline::lines(path);
-        if is_sampled {
-            let sampled = lines.flat_map(|ends| Area::along_line(ends, self.width, spacing));
-            sampled.collect()
-        } else {
-            let around = lines.map(|ends| Area::around_line(ends, self.width));
-            around.collect()
-        }
-    }
-}
+use crate::body_form::BodyForm;
+use crate::{Area, Roster, Service};
 
 /// The bodies that stand in the way: those of the members that take no part in the plan, and those of absent modules.
 pub fn standing_bodies(roster: &Roster) -> Vec<Area> {
@@ -61,7 +12,7 @@ pub fn standing_bodies(roster: &Roster) -> Vec<Area> {
     let aside = aside.map(|member| member.module.pose);
     let bodies = roster.bodies.iter();
     let absent = bodies.filter(|body| !lists(&roster.members, body.module));
-    let mut areas: Vec<Area> = aside.flat_map(|pose| form.standing(&pose)).collect();
+    let mut areas: Vec<Area> = aside.flat_map(|pose| form.areas(&[pose], 0)).collect();
     for body in absent {
         let more = form.areas(body.whereabouts.poses(), areas.len());
         areas.extend(more);
