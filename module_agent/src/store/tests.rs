@@ -230,6 +230,28 @@ fn a_shared_file_that_is_missing_or_damaged_is_refused() {
 
 /// Shows Q10.
 #[test]
+fn a_file_that_is_missing_next_to_its_shared_file_is_refused() {
+    let (directory, _) = written();
+    fs::remove_file(path(&directory)).unwrap();
+    let reason = refusal(&directory);
+    assert!(reason.contains("shared_1.json next to it"), "{reason}");
+
+    // As after an end in the first write, which is made before the modules take part.
+    let directory = tempfile::tempdir().unwrap();
+    let (store, mut contents) = open(&directory, "modules", &[4, 5]).unwrap();
+    for id in [4, 5] {
+        let entry = Entry::empty(Incarnation(9), false).unwrap();
+        contents.modules.insert(ModuleId(id), entry);
+    }
+    store.write(1, &contents).unwrap();
+    drop(store);
+    fs::remove_file(path(&directory)).unwrap();
+    let (_store, found) = open(&directory, "modules", &[4, 5]).unwrap();
+    assert!(found.modules.is_empty());
+}
+
+/// Shows Q10.
+#[test]
 fn a_torn_file_is_refused_wherever_it_ends() {
     let (directory, _) = written();
     let whole = fs::read(path(&directory)).unwrap();
