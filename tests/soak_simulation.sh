@@ -12,7 +12,7 @@ seeds="${1:-10000}"
 cargo build --release --quiet -p formation
 status=0
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 5-40 --faults mixed || status=1
-for faults in hostile churn carried lost suspended; do
+for faults in hostile churn carried lost suspended hosts; do
   nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 2-12 --faults "$faults" || status=1
 done
 FORMATION_EXPLORE=large nice -n 5 cargo test --release --quiet -p formation_sim_with_bugs --test all -- exploration:: --nocapture || status=1

@@ -25,6 +25,9 @@ const ROBOTS_APART: (Apart, u32) = (Apart::Circles, 300);
 /// Two clocks that drift apart by twice this are just within the tolerance of the agents.
 const HOSTILE_DRIFT_PPM: u32 = 480;
 
+/// What a slow disk takes to write at most.
+const SLOW_STORE: Duration = Duration::from_millis(800);
+
 /// How long a hand waits for the moment at which it takes a module.
 const MOMENT_LIMIT: Duration = Duration::from_secs(60);
 
@@ -216,9 +219,15 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
     let is_churn = matches!(parameters.faults, FaultKind::Churn | FaultKind::Clocks);
     let always_named = stores || is_churn;
     let others = cluster_parameters(parameters.faults);
+    let is_slow = parameters.faults == FaultKind::Hosts && memory.below(4) == 0;
     let cluster_parameters = ClusterParameters {
         stores,
         names_founders: always_named || memory.below(2) == 0,
+        write_max: if is_slow {
+            SLOW_STORE
+        } else {
+            others.write_max
+        },
         plan_time_max: parameters.plan_time_max,
         coasting: parameters.coasting,
         speed_units_per_s: match parameters.coasting {

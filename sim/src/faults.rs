@@ -3,6 +3,7 @@
 mod churn;
 mod hands;
 mod hostile;
+mod hosts;
 mod suspended;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -51,11 +52,13 @@ pub enum FaultKind {
     Lost,
     /// Machines are suspended with their clocks, one after another or several at once.
     Suspended,
+    /// Hosts of up to four modules crash, stop, or are cut off or suspended as one, and their stores are slow in some runs.
+    Hosts,
 }
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const NAMED: [(&'static str, Self); 12] = [
+    pub const NAMED: [(&'static str, Self); 13] = [
         ("none", Self::None),
         ("crash", Self::Crash),
         ("partition", Self::Partition),
@@ -68,6 +71,7 @@ impl FaultKind {
         ("carried", Self::Carried),
         ("lost", Self::Lost),
         ("suspended", Self::Suspended),
+        ("hosts", Self::Hosts),
     ];
 
     /// Whether hands or localisation come between a module and its drive, which happens to robots alone.
@@ -251,6 +255,7 @@ pub fn draw(
         FaultKind::Carried => drawing.carried(),
         FaultKind::Lost => drawing.lost(),
         FaultKind::Suspended => drawing.suspended(),
+        FaultKind::Hosts => drawing.hosts(),
     }
     drawing.faults.sort_by_key(|fault| fault.at);
     drawing.removals();

@@ -5,7 +5,7 @@
 use std::time::Duration;
 
 use formation_generate::Grouping;
-use formation_model::ModuleId;
+use formation_model::{Incarnation, ModuleId};
 use formation_protocol::Event;
 use formation_sim::{CampaignParameters, FaultKind};
 
@@ -54,17 +54,32 @@ fn two_of_three_machines_that_were_suspended_both_begin_new_runs() {
     assert_eq!(trial.count(is_found), 2);
 }
 
+/// Four of five stand on one machine: they are no evidence for each other.
+#[test]
+fn most_of_a_formation_on_one_machine_begins_new_runs_after_a_suspension() {
+    let problem = drawn(5, 5, Grouping::Singletons, 4);
+    let mut trial = Trial::new(&problem, 4);
+    trial.until_formed_again();
+    for module in 2..=5 {
+        trial.cluster.suspend(ModuleId(module), SUSPENDED);
+    }
+    trial.run_for(SUSPENDED);
+    trial.until_formed_again();
+    assert_eq!(trial.count(is_found), 4);
+}
+
 /// One module is slow to be heard and then is not: the others halt for a moment, and none of them begins a new run for it.
 #[test]
 fn one_link_that_becomes_faster_is_no_reason_for_a_new_run() {
     let problem = drawn(6, 6, Grouping::Singletons, 3);
     let mut trial = Trial::new(&problem, 3);
     trial.until_formed_again();
-    // A participant that claims to have run for 20 s at once, and for 60 s a moment later.
-    let stranger = ModuleId(99).run(formation_model::Incarnation(1));
-    trial.cluster.forge_heartbeat(stranger, 20, None);
-    trial.run_for(Duration::from_millis(500));
-    trial.cluster.forge_heartbeat(stranger, 60, None);
+    // A participant that claims to have run for 22 s, and for 26 s a second later.
+    let stranger = ModuleId(99).run(Incarnation(1));
+    for uptime in [20, 21, 22, 26] {
+        trial.run_for(Duration::from_secs(1));
+        trial.cluster.forge_heartbeat(stranger, uptime, None);
+    }
     trial.run_for(Duration::from_secs(5));
     let doubts = |event: &Event| matches!(event, Event::ClockInDoubt { .. });
     assert_eq!(trial.count(doubts), 6);

@@ -2,7 +2,7 @@
 //!
 //! Heartbeats tell how long their senders have run. If those of one module suddenly come earlier than its clock and this one allow,
 //! either its messages were late before, or this clock stood still; in both cases this process took old heartbeats for new ones, and
-//! it halts. If those of at least half of the others do, its clock stood still. To the others each of its heartbeats is as old as that
+//! it halts. If those of at least half of the others do, or by more than `suspicion`, its clock stood still. To the others each of its heartbeats is as old as that
 //! lasted, and none of them judges it by another offset, because a clock that stood still and a queue look the same to them. So it
 //! begins a new run.
 
@@ -11,7 +11,7 @@ use std::time::Duration;
 use formation_model::ModuleId;
 
 use super::Agent;
-use super::clock_offset::{ClockDoubt, ClockOffset};
+use super::clock_offset::ClockDoubt;
 use super::context::Context;
 use super::event::Event;
 use super::io::Output;
@@ -22,18 +22,15 @@ use super::peer::Peer;
 const PERIODS: u32 = 2;
 
 impl Context {
-    /// How much earlier than before the heartbeats of modules of other processes come since a time. A module that was heard only since
-    /// then shows nothing if its come no earlier.
+    /// How much earlier than before the heartbeats of modules of other processes come since a time, of those that were heard for long
+    /// enough to be compared.
     fn gains_since(&self, since: Duration) -> Vec<Duration> {
         let own = self.own.source;
         let is_other = |peer: &&Peer| own.is_none() || peer.source != own;
         let clocks = self.peers.all().filter(is_other).filter_map(Peer::clock);
-        let gain = |clock: &ClockOffset| {
-            let gain = clock.gain_since(since);
-            let (first, latest) = clock.heard();
-            (latest >= since && (first < since || !gain.is_zero())).then_some(gain)
-        };
-        clocks.filter_map(gain).collect()
+        let period = self.parameters.heartbeat;
+        let compared = clocks.filter(|clock| clock.is_known_at(since, period));
+        compared.map(|clock| clock.gain_since(since)).collect()
     }
 }
 
@@ -74,8 +71,13 @@ impl Agent {
         gains.sort_unstable();
         let compared = gains.len();
         gains.retain(|&gain| gain > limit);
-        if gains.len() * 2 >= compared.max(1) {
-            let stood_still = gains[gains.len() / 2];
+        // The others may have been suspended on the same machine. A link that was slower than this would have kept its module out.
+        let suspicion = self.context.parameters.suspicion;
+        let is_long = gains.last().is_some_and(|&gain| gain > suspicion);
+        if gains.len() * 2 >= compared.max(1) || is_long {
+            let Some(&stood_still) = gains.get(gains.len() / 2) else {
+                return;
+            };
             self.context.emit(Event::ClockStoodStill(stood_still));
             self.context.outbox.push(Output::BeginRun { stood_still });
         }

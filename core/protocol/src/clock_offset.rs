@@ -5,6 +5,9 @@ use std::time::Duration;
 /// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
 const DRIFT_DIVISOR: u32 = 1_000;
 
+/// After this many periods between heartbeats the offset of a clock is taken for known.
+const PERIODS_KNOWN: u32 = 4;
+
 /// The start of another run by this module's clock, in signed microseconds, as its least delayed heartbeat shows it.
 #[derive(Clone, Copy, Debug, Hash)]
 pub(super) struct ClockOffset {
@@ -58,7 +61,7 @@ impl ClockOffset {
         self.start_us = expected.min(micros(now) - micros(uptime));
         self.heard_at = now;
         let gain = self.before_us - self.start_us;
-        if gain > micros(period) {
+        if gain > micros(period) && self.is_known_at(now, period) {
             let gain = Duration::from_micros(u64::try_from(gain).unwrap_or(u64::MAX));
             self.gain = Some((now, gain));
         }
@@ -72,9 +75,9 @@ impl ClockOffset {
         Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
     }
 
-    /// When the first heartbeat came, and the latest.
-    pub fn heard(&self) -> (Duration, Duration) {
-        (self.first_heard_at, self.heard_at)
+    /// Whether heartbeats come since a time, and had come for a while before it: the first ones may come late together, from a queue.
+    pub fn is_known_at(&self, time: Duration, period: Duration) -> bool {
+        self.heard_at >= time && self.first_heard_at + period * PERIODS_KNOWN <= time
     }
 
     /// By how much heartbeats since a time came earlier than those before, if that was more than the time between two: for as long
@@ -98,21 +101,33 @@ mod tests {
     #[test]
     fn a_clock_that_stood_still_shows_in_each_heartbeat_and_in_a_queue_of_them() {
         let mut one = ClockOffset::first(at(1_000), at(20));
-        one.add(at(1_510), at(520), PERIOD);
+        for beat in 1..6 {
+            one.add(at(1_010 + 500 * beat), at(20 + 500 * beat), PERIOD);
+        }
         let before = one;
         assert_eq!(one.gain_since(at(0)), Duration::ZERO, "10 ms are a delay");
-        one.add(at(1_900), at(30_900), PERIOD);
-        let gain = one.gain_since(at(1_900));
+        one.add(at(3_900), at(32_900), PERIOD);
+        let gain = one.gain_since(at(3_900));
         assert!(gain > at(29_900) && gain < at(30_100), "{gain:?}");
-        one.add(at(2_400), at(31_400), PERIOD);
-        assert_eq!(one.gain_since(at(1_900)), gain, "it is known for a while");
-        assert_eq!(one.gain_since(at(2_400)), Duration::ZERO);
+        one.add(at(4_400), at(33_400), PERIOD);
+        assert_eq!(one.gain_since(at(3_900)), gain, "it is known for a while");
+        assert_eq!(one.gain_since(at(4_400)), Duration::ZERO);
 
         let mut queued = before;
-        for sent in 2..60 {
-            queued.add(at(1_900), at(20 + 500 * sent), PERIOD);
+        for sent in 6..66 {
+            queued.add(at(3_900), at(20 + 500 * sent), PERIOD);
         }
-        assert!(queued.gain_since(at(1_900)) > at(28_500));
+        assert!(queued.gain_since(at(3_900)) > at(28_500));
+    }
+
+    /// A process that was stopped may hear another one for the first time by ten of its heartbeats at once.
+    #[test]
+    fn a_queue_of_the_first_heartbeats_is_no_gain() {
+        let mut one = ClockOffset::first(at(9_000), at(20));
+        for sent in 1..10 {
+            one.add(at(9_000), at(20 + 500 * sent), PERIOD);
+        }
+        assert_eq!(one.gain_since(at(0)), Duration::ZERO);
     }
 
     #[test]

@@ -21,9 +21,6 @@ fn message_of(input: Input) -> Option<(Option<SourceId>, Message)> {
     }
 }
 
-/// A store takes less than this to write.
-const WRITE_US_MAX: u64 = 50_000;
-
 impl Cluster {
     /// Lets the next thing happen; `false` when nothing is left to happen before `limit`.
     pub fn step(&mut self, limit: Duration) -> bool {
@@ -267,7 +264,7 @@ impl Cluster {
                     let seen = self.sightings.get(&run).cloned().unwrap_or_default();
                     let state = *state;
                     process.writing.push_back((number, Stored { state, seen }));
-                    let at = now + Duration::from_micros(self.random.below(WRITE_US_MAX));
+                    let at = now + duration_below(&mut self.random, self.parameters.write_max);
                     self.schedule.add(at, Happening::Persisted(run, number));
                 }
                 Output::Halt if coasts && process.drive.is_moving() => process.is_coasting = true,

@@ -45,6 +45,8 @@ pub struct ClusterParameters {
     pub drift_ppm_max: u32,
     /// Whether each module has a store that outlives its process.
     pub stores: bool,
+    /// A store takes less than this to write.
+    pub write_max: Duration,
     /// Whether the target names its founders, which are all modules of the problem.
     pub names_founders: bool,
     /// If set, agents ask their host for plans, and each plan takes up to this time. Otherwise they compute them in no time.
@@ -63,6 +65,7 @@ impl Default for ClusterParameters {
             start_spread: Duration::from_millis(500),
             drift_ppm_max: 200,
             stores: false,
+            write_max: Duration::from_millis(50),
             names_founders: false,
             plan_time_max: None,
             coasting: None,

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::{Drawing, Fault};
 
 /// By when each process has heard others.
-const HEARD: Duration = Duration::from_secs(2);
+const HEARD: Duration = Duration::from_secs(4);
 
 impl Drawing<'_> {
     /// One to three machines are suspended for up to 40 s, in one run of four all of them at about the same time, once each has heard
