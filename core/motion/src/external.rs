@@ -149,7 +149,8 @@ impl ExternalDrive {
         self.commands.push_back(DriveCommand::Goal(goal.pose));
     }
 
-    /// Sends the pose as the goal for as long as the driver may follow an earlier goal, then nothing. The halt is reported once the module is measured to stand still.
+    /// Sends the pose as the goal for as long as the driver may follow an earlier goal, then nothing. The halt is reported once the
+    /// module is measured to stand still.
     pub fn halt(&mut self, now: Duration) {
         match self.state {
             State::Standing => self.report(MotionReport::Halted(self.pose)),

@@ -49,7 +49,7 @@ impl ClockOffset {
         }
     }
 
-    /// Adds a heartbeat; those that come within `period` of the one before are compared with the same earlier ones.
+    /// Adds a heartbeat; those that come within half a `period` are compared with the same earlier ones.
     ///
     /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift.
     pub fn add(&mut self, now: Duration, uptime: Duration, period: Duration) {
