@@ -71,6 +71,8 @@ struct Hosted {
     refusals: u64,
     /// How many messages of a second process with the same identifier it reported.
     duplicates: u64,
+    /// How often it doubted its clock.
+    clock_doubts: u64,
     /// The number of events about reports that bodies were taken away.
     removals: BTreeMap<ModuleId, u64>,
     diagnostics: ModuleDiagnostics,
@@ -165,6 +167,7 @@ impl Host {
             heartbeat: None,
             refusals: 0,
             duplicates: 0,
+            clock_doubts: 0,
             removals: BTreeMap::new(),
             diagnostics: ModuleDiagnostics::default(),
         });
@@ -570,6 +573,7 @@ impl Hosted {
         let count = match event {
             Event::Refused { .. } => Some(&mut self.refusals),
             Event::DuplicateModule(_) => Some(&mut self.duplicates),
+            Event::ClockInDoubt { .. } => Some(&mut self.clock_doubts),
             // Reports name modules that this one knows, so there are no more counts than that.
             Event::RemovalProposed(module)
             | Event::RemovalRefuted(module)

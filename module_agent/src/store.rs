@@ -248,18 +248,13 @@ impl Store {
     /// Refuses to begin without the file if the shared one is there: the modules have taken part, and would not know it. A process
     /// that ended in its first write has left a shared file with nothing in it.
     fn refuse_a_shared_file(&self) -> Result<(), String> {
-        let name = |path: &Path| {
-            path.file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned()
-        };
-        let begin = format!("{}.shared_", name(&self.path).trim_end_matches(".json"));
+        let begin = self.path.with_extension("shared_");
+        let begin = begin.to_string_lossy();
         let failed = |error| failed("read", &self.directory, &error);
         for entry in fs::read_dir(&self.directory).map_err(failed)? {
             let path = entry.map_err(failed)?.path();
-            let other = name(&path);
-            if !other.starts_with(&begin) || !other.ends_with(".json") {
+            let other = path.to_string_lossy();
+            if !other.starts_with(&*begin) || !other.ends_with(".json") {
                 continue;
             }
             let text = text_of(&path)?.unwrap_or_default();
@@ -267,7 +262,7 @@ impl Store {
             let is_empty = |shared: &Shared| shared.known.is_empty() && shared.bodies.is_empty();
             if !shared.is_some_and(|shared| shared.is_ok_and(|shared| is_empty(&shared))) {
                 return Err(format!(
-                    "{}: is missing, and {other} next to it shows that these modules have agreed on something; restore it, or \
+                    "{}: is missing, and {other} shows that these modules have agreed on something; restore it, or \
                      begin a new session",
                     self.path.display()
                 ));

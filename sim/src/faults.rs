@@ -18,6 +18,9 @@ use formation_protocol::Command;
 use crate::network::duration_below;
 use crate::process::Way;
 
+/// By when each process has heard others for long enough to compare its clock with theirs.
+const HEARD: Duration = Duration::from_secs(4);
+
 /// The kinds of faults of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FaultKind {

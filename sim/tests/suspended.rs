@@ -9,7 +9,7 @@ use formation_model::{Incarnation, ModuleId};
 use formation_protocol::Event;
 use formation_sim::{CampaignParameters, FaultKind};
 
-use crate::support::{Trial, drawn, ids, run_all};
+use crate::support::{Trial, drawn, run_all};
 
 const SUSPENDED: Duration = Duration::from_secs(30);
 
@@ -84,10 +84,7 @@ fn one_link_that_becomes_faster_is_no_reason_for_a_new_run() {
     let doubts = |event: &Event| matches!(event, Event::ClockInDoubt { .. });
     assert_eq!(trial.count(doubts), 6);
     assert_eq!(trial.count(is_found), 0);
-    assert_eq!(
-        trial.cluster.running().len(),
-        ids(&[1, 2, 3, 4, 5, 6]).len()
-    );
+    assert!(trial.cluster.has_formed());
 }
 
 #[test]

@@ -146,6 +146,7 @@ impl ExternalDrive {
                 since: now,
             };
         }
+        self.holding = None;
         self.commands.push_back(DriveCommand::Goal(goal.pose));
     }
 
@@ -225,14 +226,7 @@ impl ExternalDrive {
     /// A driver that follows an earlier goal stops at once if it gets its pose as the goal. If its localisation jumps, it would go from
     /// there to the earlier goal, and that pose becomes the goal. Otherwise the goal stays, so that noise moves it nowhere.
     fn hold(&mut self, now: Duration, pose: &Pose) {
-        let halts = match self.state {
-            State::Travelling { .. } => {
-                self.holding = None;
-                false
-            }
-            State::Halting { .. } => true,
-            State::Standing => false,
-        };
+        let halts = matches!(self.state, State::Halting { .. });
         self.holding = self.holding.filter(|holding| now < holding.until);
         let Some(holding) = &mut self.holding else {
             return;

@@ -142,7 +142,7 @@ pub enum Event {
         /// How much earlier.
         gain: Duration,
     },
-    /// Those of most other processes do.
+    /// Those of at least half of the others do, or one by more than `suspicion`.
     #[error(
         "the clock of this machine stood still for {:.1} s: a new run begins where the module stands",
         .0.as_secs_f64()

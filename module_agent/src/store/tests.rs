@@ -234,7 +234,7 @@ fn a_file_that_is_missing_next_to_its_shared_file_is_refused() {
     let (directory, _) = written();
     fs::remove_file(path(&directory)).unwrap();
     let reason = refusal(&directory);
-    assert!(reason.contains("shared_1.json next to it"), "{reason}");
+    assert!(reason.contains("shared_1.json shows"), "{reason}");
 
     // As after an end in the first write, which is made before the modules take part.
     let directory = tempfile::tempdir().unwrap();

@@ -15,7 +15,7 @@ use super::Cluster;
 use super::schedule::Happening;
 use crate::faults::Fault;
 use crate::observation::Observation;
-use crate::process::Stored;
+use crate::process::{Process, Stored};
 
 /// A second in the numbers of runs, which count the starts of a module below that.
 const CLOCK_SECOND: u64 = 1_000_000;
@@ -196,31 +196,39 @@ impl Cluster {
 
     /// Ends a module's process without warning; its body stays, halted and docked as it is.
     pub fn crash(&mut self, module: ModuleId) {
-        let Some(mut process) = self.processes.remove(&module) else {
+        let Some(mut process) = self.end_process(module) else {
             return;
         };
-        let local = process.clock.local(self.now());
-        // A drive that moves on is put at once where it will stand.
-        process
-            .drive
-            .halt(local + self.parameters.coasting.unwrap_or_default());
         // A write that was under way may be done or not.
         while let Some((_, state)) = process.writing.pop_front()
             && self.random.below(2) == 0
         {
             self.stores.insert(module, state);
         }
+        if let Some(body) = self.bodies.get_mut(&module)
+            && !body.store.is_some_and(StoreId::outlives_process)
+        {
+            body.store = None;
+            self.stores.remove(&module);
+        }
+        self.note(Fault::Crash(module));
+    }
+
+    /// Ends a module's process, the body of which stays.
+    fn end_process(&mut self, module: ModuleId) -> Option<Process> {
+        let mut process = self.processes.remove(&module)?;
+        let local = process.clock.local(self.now());
+        // A drive that moves on is put at once where it will stand.
+        process
+            .drive
+            .halt(local + self.parameters.coasting.unwrap_or_default());
         if let Some(body) = self.bodies.get_mut(&module) {
             body.pose = process.body();
             body.links = process.agent.links().clone();
-            if !body.store.is_some_and(StoreId::outlives_process) {
-                body.store = None;
-                self.stores.remove(&module);
-            }
         }
         self.observe(Observation::Stands(module, process.body()));
         self.transport.forget(module);
-        self.note(Fault::Crash(module));
+        Some(process)
     }
 
     /// Takes away the body of a module whose process has ended, and reports that to all running modules.
@@ -294,26 +302,18 @@ impl Cluster {
 
     /// Ends the run of a process whose clock stood still, and begins another with all that it knows.
     pub(super) fn begin_run(&mut self, module: ModuleId) {
-        let Some(mut process) = self.processes.remove(&module) else {
+        let Some(mut process) = self.end_process(module) else {
             return;
         };
-        let local = process.clock.local(self.now());
-        process
-            .drive
-            .halt(local + self.parameters.coasting.unwrap_or_default());
         let seen = self.sightings.get(&process.run).cloned();
         let state = process.agent.memory();
         let seen = seen.unwrap_or_default();
         self.stores.insert(module, Stored { state, seen });
         if let Some(body) = self.bodies.get_mut(&module) {
-            body.pose = process.body();
-            body.links = process.agent.links().clone();
             let incarnation = process.agent.run().incarnation;
             body.incarnation = body.incarnation.max(incarnation);
             body.store = body.store.or_else(|| StoreId::of_process(incarnation));
         }
-        self.observe(Observation::Stands(module, process.body()));
-        self.transport.forget(module);
         self.schedule.add(self.now(), Happening::Start(module));
     }
 

@@ -1,10 +1,8 @@
 //! Hosts, which fail with all modules on them.
 
-use std::time::Duration;
-
 use formation_model::ModuleId;
 
-use super::{Drawing, Fault};
+use super::{Drawing, Fault, HEARD};
 
 /// The most modules that one host has.
 const MODULES_MAX: u64 = 4;
@@ -16,7 +14,7 @@ impl Drawing<'_> {
         // Each fails once at most, and after its clock was compared with those of others.
         let failing = 1 + self.random.index(hosts.len().min(3));
         for host in hosts.into_iter().take(failing) {
-            let at = self.time(Duration::from_secs(4), self.end);
+            let at = self.time(HEARD, self.end);
             match self.random.below(4) {
                 0 => {
                     let again = self.time(at, self.end);

@@ -1,11 +1,6 @@
 //! Machines that are suspended with their clocks.
 
-use std::time::Duration;
-
-use super::{Drawing, Fault};
-
-/// By when each process has heard others.
-const HEARD: Duration = Duration::from_secs(4);
+use super::{Drawing, Fault, HEARD};
 
 impl Drawing<'_> {
     /// One to three machines are suspended for up to 40 s, in one run of four all of them at about the same time, once each has heard

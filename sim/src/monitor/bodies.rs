@@ -10,8 +10,8 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
-    BodyReport, ModuleId, ModulePhase, ModuleState, MotionMode, Pose, Roster, Service, SpotId,
-    Target, Whereabouts,
+    ModuleId, ModulePhase, ModuleState, MotionMode, Pose, Roster, Service, SpotId, Target,
+    Whereabouts,
 };
 
 use super::contact::nearest;
@@ -107,13 +107,9 @@ impl Monitor {
         let bodies = states.clone().flat_map(|state| &state.bodies);
         let absent = bodies.filter(|body| !group.contains(&body.module));
         let failed = states.filter(|state| state.service == Service::MotionFailed);
-        let lines: Vec<(Pose, Pose)> = failed
-            .map(|state| (state.pose, state.pose))
-            .chain(absent.flat_map(|body| lines_of(&body.whereabouts)))
-            .collect();
-        let motion = announcement.parameters.motion;
-        let mut spots = target.spots().iter();
-        spots.all(|spot| is_covered(&spot.pose, &lines, motion, target))
+        let failed = failed.map(|state| Whereabouts::Halted(state.pose));
+        let absent = absent.map(|body| body.whereabouts.clone());
+        blocks_all(target, announcement.parameters.motion, failed.chain(absent))
     }
 
     /// The spot on which a module has just settled.
@@ -125,16 +121,15 @@ impl Monitor {
     }
 }
 
-/// Whether these bodies block every spot of a target.
-pub fn blocks_all<'a>(target: &Target, bodies: impl Iterator<Item = &'a BodyReport>) -> bool {
-    let lines: Vec<(Pose, Pose)> = bodies
-        .flat_map(|body| lines_of(&body.whereabouts))
-        .collect();
+/// Whether bodies there block every spot of a target for modules that move in this way.
+pub fn blocks_all(
+    target: &Target,
+    motion: MotionMode,
+    bodies: impl Iterator<Item = Whereabouts>,
+) -> bool {
+    let lines: Vec<(Pose, Pose)> = bodies.flat_map(|body| lines_of(&body)).collect();
     let mut spots = target.spots().iter();
-    spots.all(|spot| {
-        let mut lines = lines.iter();
-        lines.any(|(from, to)| is_near_line(&spot.pose, from, to))
-    })
+    spots.all(|spot| is_covered(&spot.pose, &lines, motion, target))
 }
 
 /// The greatest number of connected spots that the active members of a roster can fill: without those that the bodies cover

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    Digest, Epoch, Message, ModuleId, ModulePhase, Roster, RosterMessage, SpotId, Target,
+    Digest, Epoch, Message, ModuleId, ModulePhase, MotionMode, Roster, RosterMessage, SpotId,
+    Target,
 };
 use formation_sim::{blocks_all, room};
 
@@ -228,7 +229,8 @@ impl World {
         let present: BTreeSet<ModuleId> = states.clone().map(|state| state.module).collect();
         let bodies = states.flat_map(|state| &state.bodies);
         let absent = bodies.filter(|body| !present.contains(&body.module));
-        blocks_all(target, absent)
+        let absent = absent.map(|body| body.whereabouts.clone());
+        blocks_all(target, MotionMode::Auto, absent)
     }
 
     pub(super) fn has_ended(&self, bound: Bound) -> bool {

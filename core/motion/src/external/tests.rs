@@ -31,6 +31,13 @@ fn commands(drive: &mut ExternalDrive) -> Vec<DriveCommand> {
     std::iter::from_fn(|| drive.poll_command()).collect()
 }
 
+/// The reports but for those of where it is on its way.
+fn ends(drive: &mut ExternalDrive) -> Vec<MotionReport> {
+    let mut reports = reports(drive);
+    reports.retain(|report| !matches!(report, MotionReport::Pose(_)));
+    reports
+}
+
 fn faults(drive: &mut ExternalDrive) -> Vec<String> {
     std::iter::from_fn(|| drive.poll_fault())
         .map(|fault| fault.to_string())
@@ -127,13 +134,11 @@ fn a_driver_that_falls_silent_on_the_way_has_failed() {
     assert!(faults(&mut drive)[0].contains("pose_limit_s (5 s)"));
     // Where it stands is known when its driver says so.
     drive.halt(at(7_000));
-    for (time, x) in [(8_000, 1.9), (8_100, 2.0), (8_300, 2.0)] {
+    for (time, x) in [(8_000, 1.9), (8_100, 2.0), (8_300, 2.0), (8_700, 2.0)] {
+        assert_eq!(ends(&mut drive), [], "{time}");
         drive.handle_pose(at(time), pose(x, 0.0));
     }
-    let is_halt = |report: &MotionReport| matches!(report, MotionReport::Halted(_));
-    assert!(!reports(&mut drive).iter().any(is_halt));
-    drive.handle_pose(at(8_900), pose(2.0, 0.0));
-    assert!(reports(&mut drive).iter().any(is_halt));
+    assert_eq!(ends(&mut drive), [MotionReport::Halted(pose(2.0, 0.0))]);
     assert_eq!(drive.poll_timeout(), None);
 }
 
@@ -154,16 +159,10 @@ fn a_halt_is_reported_when_the_module_stands_still_and_not_before() {
             pose(f64::from(step) * 0.1, 0.0),
         );
     }
-    let is_pose = |report: &MotionReport| matches!(report, MotionReport::Pose(_));
-    assert!(reports(&mut drive).iter().all(is_pose), "it still rolls");
-    for step in 0..8 {
-        drive.handle_pose(at(2_000 + step * 100), pose(0.9, 0.0));
-    }
-    let last = reports(&mut drive).pop().unwrap();
-    let MotionReport::Halted(halted) = last else {
-        panic!("{last:?}");
-    };
-    assert!(halted.distance_to(&pose(0.9, 0.0)) < MicroUnits(10_000));
+    assert_eq!(ends(&mut drive), [], "it still rolls");
+    drive.handle_pose(at(2_000), pose(0.901, 0.0));
+    drive.handle_pose(at(2_400), pose(0.9, 0.0));
+    assert_eq!(ends(&mut drive), [MotionReport::Halted(pose(0.9, 0.0))]);
 }
 
 /// One pose in three is off by more than the tolerance, the mean of several is not.
@@ -176,8 +175,8 @@ fn noise_does_not_keep_a_module_from_standing_still() {
         let off = [0.0, 0.04, -0.04][step as usize % 3];
         drive.handle_pose(at(u64::from(step) * 50), pose(1.0 + off, 0.0));
     }
-    let is_halt = |report: &MotionReport| matches!(report, MotionReport::Halted(_));
-    assert!(reports(&mut drive).iter().any(is_halt));
+    let ends = ends(&mut drive);
+    assert!(matches!(ends[..], [MotionReport::Halted(_)]), "{ends:?}");
 }
 
 /// A driver goes on to its last goal for a while, and would do so from wherever it believes to be.
@@ -224,9 +223,7 @@ fn a_module_that_cannot_be_stopped_has_failed_and_never_counts_as_halted() {
         drive.handle_pose(now, pose(f64::from(step), 0.0));
         drive.advance(now);
     }
-    let found = reports(&mut drive).into_iter();
-    let found = found.filter(|report| !matches!(report, MotionReport::Pose(_)));
-    assert_eq!(found.collect::<Vec<_>>(), [MotionReport::Failed]);
+    assert_eq!(ends(&mut drive), [MotionReport::Failed]);
     let found = faults(&mut drive);
     assert_eq!(found.len(), 1);
     assert!(found[0].contains("halt_limit_s (10 s)"), "{found:?}");
