@@ -83,7 +83,10 @@ impl Drive {
     pub(crate) fn handle_message(&mut self, now: Duration, message: DriverMessage) {
         if let Self::External(drive) = self {
             match message {
-                DriverMessage::Pose(pose, _) => drive.handle_pose(now, pose),
+                DriverMessage::Pose(measured) => {
+                    drive.handle_deviation(measured.deviation);
+                    drive.handle_pose(now, measured.pose);
+                }
                 DriverMessage::Docking(result) => drive.handle_docking_result(now, result),
             }
         }

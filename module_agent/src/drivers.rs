@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use formation_model::{DockingResult, ModuleId, ModuleSize, Pose, Service};
+use formation_model::{DockingResult, MicroUnits, ModuleId, ModuleSize, Pose, Service};
 use formation_motion::DriveCommand;
 use formation_msgs::external::geometry_msgs::{self, PoseStamped};
 use formation_msgs::external::nav_msgs::Path;
@@ -24,10 +24,20 @@ use crate::arguments::Motion;
 /// A message of a driver.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum DriverMessage {
-    /// Where its module stands, and the stamp that the driver gave that.
-    Pose(Pose, Time),
+    /// Where its module stands.
+    Pose(MeasuredPose),
     /// The answer to a docking request.
     Docking(DockingResult),
+}
+
+/// Where a module stands, as its driver says.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct MeasuredPose {
+    pub pose: Pose,
+    /// The stamp that the driver gave it.
+    pub stamp: Time,
+    /// The standard deviation of the position that it states, if any.
+    pub deviation: Option<MicroUnits>,
 }
 
 /// Messages of drivers, each with its module.
@@ -80,9 +90,7 @@ pub(crate) fn open(
                 Err(format!("{module}: {error}"))
             }
         })?;
-        inputs.add(poses, move |(pose, stamp)| {
-            (module, DriverMessage::Pose(pose, stamp))
-        });
+        inputs.add(poses, move |pose| (module, DriverMessage::Pose(pose)));
         inputs.add(results, move |result| (module, result));
         let queues = DriverQueues {
             goals: ros.publisher(&topics::goal_pose(module))?,
@@ -105,13 +113,17 @@ fn subscribe_poses<M: DriverPose + DeserializeOwned + 'static>(
     topic: &Topic<M>,
     module: ModuleId,
     frame_id: &str,
-) -> Result<LocalBoxStream<'static, (Pose, Time)>, RosContextError> {
+) -> Result<LocalBoxStream<'static, MeasuredPose>, RosContextError> {
     let (frame_id, size) = (frame_id.to_owned(), module_size_of(ros));
     ros.subscription(topic, move |_, sample: M| {
-        let stamp = sample.stamp();
+        let (stamp, deviation) = (sample.stamp(), sample.deviation(size));
         let pose = sample.in_frame(&frame_id, size);
-        pose.map(|pose| (pose, stamp))
-            .map_err(|error| format!("{module}: {error}"))
+        pose.map(|pose| MeasuredPose {
+            pose,
+            stamp,
+            deviation,
+        })
+        .map_err(|error| format!("{module}: {error}"))
     })
 }
 
@@ -133,9 +145,9 @@ pub(crate) fn wait_for_poses(
         match async_io::block_on(inputs.wait(deadline, stop)) {
             Wake::Stop => return Ok(false),
             Wake::Due => break,
-            Wake::Input((module, DriverMessage::Pose(pose, stamp))) => {
-                publishers.keep_stamp(module, stamp);
-                poses.insert(module, pose);
+            Wake::Input((module, DriverMessage::Pose(measured))) => {
+                publishers.keep_stamp(module, measured.stamp);
+                poses.insert(module, measured.pose);
             }
             Wake::Input(_) => {}
         }

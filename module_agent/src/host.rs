@@ -145,6 +145,7 @@ impl Host {
         let mut agent = Agent::new(identity.clone(), self.parameters, now)
             .in_service(service)
             .with_position_tolerance(self.motion.external.position_tolerance)
+            .with_deviation_limit(self.motion.deviation_limit)
             .started_at(stamp::incarnation().0)
             .published_by(self.source)
             .with_plans_of_host()

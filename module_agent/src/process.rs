@@ -309,10 +309,10 @@ impl Node for ModuleNode {
                 }
             }
             Input::Driver(module, message) => {
-                if let (DriverMessage::Pose(_, stamp), Some(drivers)) =
+                if let (DriverMessage::Pose(measured), Some(drivers)) =
                     (&message, &mut self.publishers.drivers)
                 {
-                    drivers.keep_stamp(module, *stamp);
+                    drivers.keep_stamp(module, measured.stamp);
                 }
                 self.host.handle_driver(now, module, message);
             }

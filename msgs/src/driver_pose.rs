@@ -1,6 +1,6 @@
 //! The poses that drivers publish, in either of two message types.
 
-use formation_model::{self as model, ModuleSize};
+use formation_model::{self as model, MicroUnits, ModuleSize};
 
 use crate::check::{self, Checked, FieldError};
 use crate::error::{Fault, MessageError};
@@ -8,6 +8,9 @@ use crate::external::geometry_msgs::PoseStamped;
 use crate::external::nav_msgs::Odometry;
 use crate::standard::{Header, Time};
 use crate::topic;
+
+/// In units; greater ones say no more.
+const DEVIATION_MAX: f64 = 1_000.0;
 
 /// A message with the pose of a module.
 pub trait DriverPose {
@@ -19,6 +22,10 @@ pub trait DriverPose {
 
     /// When it was measured, by the clock of the driver.
     fn stamp(&self) -> Time;
+
+    /// The standard deviation of the position, along the axis on which it is greatest, in units of `size`; `None` if the message states
+    /// none, or what no covariance can be.
+    fn deviation(&self, size: ModuleSize) -> Option<MicroUnits>;
 }
 
 impl DriverPose for PoseStamped {
@@ -35,6 +42,10 @@ impl DriverPose for PoseStamped {
     fn stamp(&self) -> Time {
         self.header.stamp
     }
+
+    fn deviation(&self, _: ModuleSize) -> Option<MicroUnits> {
+        None
+    }
 }
 
 impl DriverPose for Odometry {
@@ -49,6 +60,16 @@ impl DriverPose for Odometry {
 
     fn stamp(&self) -> Time {
         self.header.stamp
+    }
+
+    fn deviation(&self, size: ModuleSize) -> Option<MicroUnits> {
+        let [[x, across, ..], [other, y, ..], ..] = self.pose.covariance;
+        // The greater eigenvalue of the block of x and y.
+        let middle = f64::midpoint(x, y);
+        let largest = middle + (x - middle).hypot(f64::midpoint(across, other));
+        let is_covariance = x >= 0.0 && y >= 0.0 && largest > 0.0 && largest.is_finite();
+        let units = is_covariance.then(|| largest.sqrt() / size.metres())?;
+        MicroUnits::from_units(units.min(DEVIATION_MAX)).ok()
     }
 }
 

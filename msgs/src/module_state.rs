@@ -101,6 +101,7 @@ enumeration! {
         DRIVE_MOVING MOVING 2 = Moving,
         DRIVE_FOLDING FOLDING 3 = Folding,
         DRIVE_DISPLACED DISPLACED 4 = Displaced,
+        DRIVE_LOST LOST 5 = Lost,
     }
 }
 

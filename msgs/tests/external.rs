@@ -244,6 +244,37 @@ fn poses_survive_the_way_out_and_in() {
 }
 
 #[test]
+fn a_covariance_gives_the_deviation_along_its_longest_axis_if_it_is_one() {
+    let stated = |x: f64, y: f64, across: f64| {
+        let mut message = Odometry {
+            header: Header::default(),
+            child_frame_id: String::new(),
+            pose: PoseWithCovariance {
+                pose: Pose::default(),
+                covariance: [[0.0; 6]; 6],
+            },
+            twist: TwistWithCovariance::default(),
+        };
+        message.pose.covariance[0] = [x, across, 7.0, 7.0, 7.0, 7.0];
+        message.pose.covariance[1] = [across, y, 7.0, 7.0, 7.0, 7.0];
+        let size = ModuleSize::from_metres(0.5).unwrap();
+        message
+            .deviation(size)
+            .map(|deviation| deviation.to_units())
+    };
+    assert_eq!(stated(0.0004, 0.0001, 0.0), Some(0.04));
+    assert_eq!(stated(0.0001, 0.0004, 0.0), Some(0.04));
+    // By 45 degrees: 0.0005 along one diagonal, 0.0001 along the other.
+    assert_eq!(stated(0.0003, 0.0003, 0.0002), Some(0.044_721));
+    assert_eq!(stated(1e12, 0.0, 0.0), Some(1_000.0));
+    for nonsense in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(stated(nonsense, nonsense, 0.0), None, "{nonsense}");
+    }
+    let pose = stamped("map", Pose::default());
+    assert_eq!(pose.deviation(ModuleSize::METRE), None);
+}
+
+#[test]
 fn a_pose_that_cannot_be_used_is_refused_with_its_field() {
     let refused = |message: &PoseStamped| {
         message

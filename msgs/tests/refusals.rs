@@ -145,7 +145,7 @@ fn module_states() {
         sample => sample.modules[1].epoch.convener = NONE,
             "module_states: modules[1].epoch.convener: 4294967295 stands for none and cannot be used here";
         sample => sample.modules[1].drive = 0,
-            "module_states: modules[1].drive: 0 is unknown; known are STANDING 1, MOVING 2, FOLDING 3, DISPLACED 4";
+            "module_states: modules[1].drive: 0 is unknown; known are STANDING 1, MOVING 2, FOLDING 3, DISPLACED 4, LOST 5";
         sample => sample.modules[1].stamp.sec = -1,
             "module_states: modules[1].stamp: needs sec >= 0 and nanosec < 10^9";
         sample => sample.modules[1].epoch = NO_EPOCH,

@@ -318,6 +318,9 @@ fn noted(event: &Event) -> Entry {
         Event::PortsContradictPose(distance) => {
             Entry::of("ports_contradict_pose").with("distance", distance)
         }
+        Event::LocalisationLost(deviation) => {
+            Entry::of("localisation_lost").with("deviation", deviation)
+        }
         Event::KeepingClear(modules) => Entry::of("keeping_clear").modules("modules", modules),
         Event::Retired => Entry::of("retired"),
         Event::Rejoined => Entry::of("rejoined"),

@@ -168,6 +168,59 @@ fn a_docked_part_that_is_moved_as_a_whole_goes_back_as_one_block() {
     }
 }
 
+/// On its way, a body that is wider by two standard deviations on each side must not reach out of its cells: bodies 0.9 units wide
+/// leave 0.05. Where it is measured meanwhile is not believed.
+/// Shows X14.
+#[test]
+fn a_module_whose_driver_states_too_great_a_deviation_halts_with_all_others_until_that_is_less() {
+    let module = ModuleId(3);
+    let is_lost = |event: &Event| matches!(event, Event::LocalisationLost(_));
+    let mut trial = Trial::new(&in_a_row(), 1);
+    trial.until(|cluster| moves(cluster, module));
+    trial.cluster.state_deviation(module, MicroUnits(24_000));
+    trial.run_for(Duration::from_millis(200));
+    assert_eq!(trial.count(is_lost), 0);
+    trial.cluster.state_deviation(module, MicroUnits(26_000));
+    trial.cluster.mislead(module, way(0.0, 0.4));
+    trial.run_for(Duration::from_secs(1));
+    let stood: Vec<_> = trial.cluster.modules().into_iter().collect();
+    let poses =
+        |trial: &Trial| -> Vec<_> { stood.iter().map(|&it| trial.cluster.body(it)).collect() };
+    let before = poses(&trial);
+    trial.run_for(Duration::from_secs(20));
+    assert_eq!(poses(&trial), before, "a module moved");
+    trial.cluster.mislead(module, Way::default());
+    trial.cluster.state_deviation(module, MicroUnits(10_000));
+    trial.until(Cluster::has_formed);
+    assert_eq!(trial.count(is_lost), 1);
+    assert_eq!(trial.count(|event| *event == Event::BackOnPath), 1);
+    assert_eq!(trial.convened.len(), 1);
+}
+
+/// Nor does it leave its spot for where it is measured meanwhile.
+#[test]
+fn a_settled_module_halts_beyond_the_limit_for_the_deviation_and_stays() {
+    let module = ModuleId(6);
+    let mut trial = Trial::new(&in_a_row(), 1);
+    trial.until(Cluster::has_formed);
+    let stood = trial.cluster.body(module);
+    for (deviation, lost) in [(100_000, 0), (100_001, 1)] {
+        trial.cluster.state_deviation(module, MicroUnits(deviation));
+        trial.cluster.mislead(module, way(0.0, 0.01));
+        trial.run_for(Duration::from_secs(1));
+        let events = trial.count(|event| matches!(event, Event::LocalisationLost(_)));
+        assert_eq!(events, lost);
+    }
+    trial.cluster.mislead(module, way(3.0, 0.2));
+    trial.run_for(Duration::from_secs(30));
+    assert_eq!(trial.cluster.body(module), stood);
+    assert_eq!(trial.convened.len(), 1);
+    trial.cluster.state_deviation(module, MicroUnits(0));
+    trial.cluster.mislead(module, Way::default());
+    trial.run_for(Duration::from_secs(1));
+    assert!(trial.cluster.has_formed());
+}
+
 /// It is no push if its ports are locked to modules that stand on their spots.
 /// Shows X15.
 #[test]

@@ -82,6 +82,15 @@ pub enum DriveState {
     /// The module halts, measured off the way that its plan lets it take: it was pushed or carried, or its localisation is off. How
     /// it came there is not known.
     Displaced,
+    /// The module halts, as its localisation is lost: its pose is not to be believed.
+    Lost,
+}
+
+impl DriveState {
+    /// Whether the module may have come to its pose by no drive of its own.
+    pub fn is_off_way(self) -> bool {
+        matches!(self, Self::Displaced | Self::Lost)
+    }
 }
 
 /// When a state held. An agent counts from the start of its own clock, a message from 1970-01-01 UTC by the clock of its

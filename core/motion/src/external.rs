@@ -2,6 +2,7 @@
 //! results come in, and every wait has a limit.
 
 mod rest;
+mod stated_deviation;
 #[cfg(test)]
 mod tests;
 
@@ -13,6 +14,7 @@ use super::fault::DriveFault;
 use super::goal::{MotionGoal, MotionReport};
 use formation_model::{DockingAction, DockingRequest, DockingResult, MicroUnits, ModuleId, Pose};
 use rest::Rest;
+use stated_deviation::StatedDeviation;
 
 /// For longer than this no driver follows a goal that does not repeat.
 const HOLDING: Duration = Duration::from_secs(2);
@@ -105,6 +107,7 @@ pub struct ExternalDrive {
     received: Duration,
     /// Where it was reported last, and measured since.
     rest: Rest,
+    deviation: StatedDeviation,
     /// Where it is to stand, until the driver certainly follows no earlier goal.
     holding: Option<Holding>,
     state: State,
@@ -123,6 +126,7 @@ impl ExternalDrive {
             pose,
             received: Duration::ZERO,
             rest: Rest::at(pose),
+            deviation: StatedDeviation::default(),
             holding: None,
             state: State::Standing,
             docking: DockingQueue::new(
@@ -172,6 +176,13 @@ impl ExternalDrive {
     pub fn ask(&mut self, now: Duration, action: DockingAction, other: ModuleId) {
         self.docking.ask(action, other);
         self.advance(now);
+    }
+
+    /// Handles the standard deviation that the driver states of the pose that follows, if it states any.
+    pub fn handle_deviation(&mut self, stated: Option<MicroUnits>) {
+        if let Some(deviation) = self.deviation.next(stated) {
+            self.report(MotionReport::Deviation(deviation));
+        }
     }
 
     /// Handles a pose from the driver.

@@ -18,6 +18,8 @@ pub struct MotionGoal {
 pub enum MotionReport {
     /// The module is moving and has this pose now.
     Pose(Pose),
+    /// The standard deviation of the position in the poses that follow, as the driver states it.
+    Deviation(MicroUnits),
     /// The module has reached a goal.
     Arrived {
         /// The goal, which may be an earlier one: a drive that gets a goal again after it has arrived reports that again.

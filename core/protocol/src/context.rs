@@ -33,6 +33,9 @@ use super::quorum::Shortfall;
 use super::refusal::Refusal;
 use super::robot::Robot;
 
+/// Beyond what stated standard deviation localisation is lost if nothing else is said.
+const DEVIATION_LIMIT: MicroUnits = MicroUnits(100_000);
+
 /// Within what distance of a goal a drive has arrived if nothing else is said.
 const POSITION_TOLERANCE: MicroUnits = MicroUnits(20_000);
 
@@ -54,6 +57,8 @@ pub(super) struct Own {
     pub is_robot: bool,
     /// Within what distance of a goal its drive has arrived.
     pub position_tolerance: MicroUnits,
+    /// Beyond what stated deviation its localisation counts as lost.
+    pub deviation_limit: MicroUnits,
     /// Whether its heartbeats fall due at multiples of their period, with those of other modules on the same clock.
     pub shares_samples: bool,
     /// When this run started.
@@ -97,6 +102,7 @@ impl Context {
                 leader: identity.leader,
                 is_robot: false,
                 position_tolerance: POSITION_TOLERANCE,
+                deviation_limit: DEVIATION_LIMIT,
                 shares_samples: false,
                 started: now,
             },

@@ -164,6 +164,11 @@ pub enum Event {
         "localisation lost: measured {0} units off its spot, while its ports are locked to modules that stand on theirs; it stays"
     )]
     PortsContradictPose(MicroUnits),
+    /// Its driver states this standard deviation, with which its body may reach out of its cells.
+    #[error(
+        "localisation lost: its driver states a standard deviation of {0} units; it halts until that is less"
+    )]
+    LocalisationLost(MicroUnits),
     /// It halted because these members are measured off their ways.
     #[error("halted: measured off their ways: modules {}", ids(.0))]
     KeepingClear(Vec<ModuleId>),
@@ -373,6 +378,7 @@ impl Event {
             | Self::InvalidStart(_)
             | Self::WaitingForQuorum(Shortfall::WithoutAgreement(_))
             | Self::PortsContradictPose(_)
+            | Self::LocalisationLost(_)
             | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }

@@ -146,6 +146,13 @@ impl Agent {
         self
     }
 
+    /// The same agent, whose localisation counts as lost if its driver states a greater standard deviation.
+    #[must_use]
+    pub fn with_deviation_limit(mut self, limit: MicroUnits) -> Self {
+        self.context.own.deviation_limit = limit;
+        self
+    }
+
     /// Handles one input at the time `now`, which must not run backwards.
     pub fn handle(&mut self, now: Duration, input: Input) {
         if let Input::Persisted(number) = input {

@@ -22,6 +22,10 @@ impl Agent {
                     return;
                 }
             }
+            MotionReport::Deviation(deviation) => {
+                body.deviation = deviation;
+                return;
+            }
             MotionReport::Arrived { goal, pose } => {
                 body.stand_at(pose, now);
                 let acting = match &mut self.stage {

@@ -20,12 +20,14 @@ pub(super) struct Robot {
     pub pose: Pose,
     /// When a module that moves had this pose.
     pub pose_at: SenderTime,
+    /// The standard deviation of its position that its driver states.
+    pub deviation: MicroUnits,
     pub links: BTreeSet<ModuleId>,
     pub service: Service,
     pub settled_on: Option<SettledOn>,
     /// Whether the drive has a goal and has reported neither a halt nor its arrival.
     pub moving: bool,
-    /// Whether its measured pose agrees with its locked ports; otherwise it is not believed.
+    /// Whether its measured pose is believed: its driver states no doubt, and its locked ports agree with it.
     pub is_localised: bool,
     /// The epoch whose roster lists this module elsewhere than it is measured, and how far off: it was moved after it had frozen.
     pub moved_in: Option<(Epoch, MicroUnits)>,
@@ -42,6 +44,7 @@ impl Robot {
         Self {
             pose,
             pose_at: SenderTime::default(),
+            deviation: MicroUnits(0),
             links,
             service: Service::Active,
             settled_on: None,

@@ -38,6 +38,8 @@ pub struct Motion {
     pub first_pose_limit: Duration,
     /// The limits of external motion, and the tolerances of arrival.
     pub external: ExternalParameters,
+    /// The standard deviation stated by a driver beyond which localisation is lost.
+    pub deviation_limit: MicroUnits,
 }
 
 impl Default for Motion {
@@ -49,6 +51,7 @@ impl Default for Motion {
             frame_id: None,
             first_pose_limit: Duration::from_secs(30),
             external: ExternalParameters::default(),
+            deviation_limit: MicroUnits(100_000),
         }
     }
 }
@@ -96,7 +99,7 @@ impl Tunables for Motion {
 
 impl Motion {
     /// The limits and tolerances of external motion.
-    fn limits() -> [Tunable<Self>; 8] {
+    fn limits() -> [Tunable<Self>; 9] {
         let limit = |name, field: fn(&mut Self) -> &mut Duration, help| {
             Tunable::new(name, seconds(), field, help).at_start(SET_UP)
         };
@@ -145,6 +148,12 @@ impl Motion {
                 "RADIANS",
                 |own| &mut own.external.heading_tolerance,
                 "External motion: deviation from the goal's heading at which a module has arrived, in radians",
+            ),
+            tolerance(
+                "external.error",
+                "UNITS",
+                |own| &mut own.deviation_limit,
+                "External motion: standard deviation in the covariance of an Odometry beyond which localisation is lost, in units",
             ),
         ]
     }

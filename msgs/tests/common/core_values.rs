@@ -333,8 +333,8 @@ fn sender_time() -> impl Strategy<Value = SenderTime> {
 }
 
 fn drive() -> impl Strategy<Value = DriveState> {
-    use DriveState::{Displaced, Folding, Moving, Standing};
-    select(vec![Standing, Moving, Folding, Displaced])
+    use DriveState::{Displaced, Folding, Lost, Moving, Standing};
+    select(vec![Standing, Moving, Folding, Displaced, Lost])
 }
 
 pub fn module_state() -> impl Strategy<Value = ModuleState> {

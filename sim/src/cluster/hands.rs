@@ -91,6 +91,11 @@ impl Cluster {
         self.schedule_tick(module);
     }
 
+    /// From now on, the driver of a module states this standard deviation of its poses.
+    pub fn state_deviation(&mut self, module: ModuleId, deviation: MicroUnits) {
+        self.report(module, MotionReport::Deviation(deviation));
+    }
+
     /// The modules that are docked to a module, directly or through others, and the module itself.
     fn docked_group(&self, module: ModuleId) -> BTreeSet<ModuleId> {
         let mut group = BTreeSet::from([module]);

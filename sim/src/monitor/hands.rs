@@ -1,6 +1,6 @@
 //! What hands have done to robots: the truth about where they put them, whatever the modules believe.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use formation_model::{ModuleId, Pose};
@@ -19,12 +19,23 @@ const NOTICED: Duration = Duration::from_secs(15);
 #[derive(Default)]
 pub(super) struct Hands {
     carried: BTreeMap<ModuleId, Duration>,
+    /// The modules whose localisation has jumped.
+    misled: BTreeSet<ModuleId>,
 }
 
 impl Hands {
     /// Whether a module was ever carried.
     pub fn has_carried(&self, module: ModuleId) -> bool {
         self.carried.contains_key(&module)
+    }
+
+    /// Whether a module may be measured elsewhere than it drove.
+    pub fn has_moved_or_misled(&self, module: ModuleId) -> bool {
+        self.has_carried(module) || self.misled.contains(&module)
+    }
+
+    pub fn note_misled(&mut self, module: ModuleId) {
+        self.misled.insert(module);
     }
 
     /// Whether a module may still take itself to be where it was.

@@ -25,6 +25,7 @@ use contact::ContactWatch;
 pub use violation::{BrokenInvariant, ViolationKind};
 
 use crate::cluster::Cluster;
+use crate::faults::Fault;
 use crate::observation::Observation;
 
 struct KnownRoster {
@@ -129,6 +130,7 @@ impl Monitor {
                 Observation::Noted(_, Event::Planned { epoch, .. }) => {
                     self.planned.insert(epoch);
                 }
+                Observation::Fault(Fault::Mislead(module, _)) => self.hands.note_misled(module),
                 Observation::Noted(..)
                 | Observation::Announced(_)
                 | Observation::Injected(_)
@@ -278,8 +280,8 @@ impl Monitor {
             ModulePhase::Planning | ModulePhase::Agreeing => {
                 let roster = roster.as_deref();
                 let frozen = roster.and_then(|roster| member(roster, state.module));
-                let was_carried = self.hands.has_carried(state.module);
-                if frozen.is_some_and(|member| member.module.pose != state.pose && !was_carried) {
+                let may_be_off = self.hands.has_moved_or_misled(state.module);
+                if frozen.is_some_and(|member| member.module.pose != state.pose && !may_be_off) {
                     let detail = format!("{}", state.module);
                     self.violate(at, ViolationKind::NotWhereFrozen, detail);
                 }

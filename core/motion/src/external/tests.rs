@@ -229,6 +229,24 @@ fn a_module_that_cannot_be_stopped_has_failed_and_never_counts_as_halted() {
     assert!(found[0].contains("halt_limit_s (10 s)"), "{found:?}");
 }
 
+/// Many drivers state one covariance whatever they know, or none.
+#[test]
+fn a_deviation_counts_once_two_have_differed() {
+    let mut drive = drive();
+    let mut stated = |deviation: Option<i64>| {
+        drive.handle_deviation(deviation.map(MicroUnits));
+        reports(&mut drive)
+    };
+    for constant in [None, Some(90_000), Some(90_000), None, Some(90_000)] {
+        assert_eq!(stated(constant), [], "{constant:?}");
+    }
+    let deviation = |micro_units| [MotionReport::Deviation(MicroUnits(micro_units))];
+    assert_eq!(stated(Some(10_000)), deviation(10_000));
+    assert_eq!(stated(Some(10_000)), []);
+    assert_eq!(stated(Some(90_000)), deviation(90_000));
+    assert_eq!(stated(None), deviation(0), "it states none any more");
+}
+
 fn answer(request: u64, outcome: Result<(), String>) -> DockingResult {
     DockingResult { request, outcome }
 }

@@ -164,8 +164,11 @@ impl Acting {
         if state.drive == DriveState::Moving && self.folds() {
             state.drive = DriveState::Folding;
         }
-        if self.off_path.is_some() {
-            state.drive = DriveState::Displaced;
+        if let Some(off) = self.off_path {
+            state.drive = match off.is_believed {
+                true => DriveState::Displaced,
+                false => DriveState::Lost,
+            };
         }
         state.steps_done = self.held.motion.planned.paths().map(|_| self.steps_done);
     }

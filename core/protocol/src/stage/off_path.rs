@@ -18,8 +18,8 @@ pub(super) struct OffPath {
     since: Duration,
     /// Whether its drive is at rest, as far as that is known.
     pub stands: bool,
-    /// Whether locked ports contradict its pose.
-    pub contradicts_ports: bool,
+    /// Whether it is believed to be there; otherwise its localisation is lost.
+    pub is_believed: bool,
 }
 
 impl OffPath {
@@ -37,7 +37,7 @@ impl OffPath {
             pose: known.map_or(pose, |known| known.pose),
             since: known.map_or(now, |known| known.since),
             stands,
-            contradicts_ports: known.is_some_and(|known| known.contradicts_ports),
+            is_believed: true,
         }
     }
 

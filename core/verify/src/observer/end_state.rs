@@ -10,8 +10,8 @@ use super::record::{ModuleRecord, PlannedEpoch};
 use crate::plan::check_filled;
 use crate::{Missing, Violation};
 use formation_model::{
-    Digest, DriveState, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase,
-    ModuleState, Pose, SpotId, Whereabouts,
+    Digest, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose,
+    SpotId, Whereabouts,
 };
 
 /// A body nearer to a spot than this stands on it: half the width of a module.
@@ -55,7 +55,7 @@ impl<'a> EndState<'a> {
         settled.retain(|_, state| {
             state.epoch == Some(planned.epoch)
                 && state.phase == ModulePhase::Settled
-                && state.drive != DriveState::Displaced
+                && !state.drive.is_off_way()
         });
         let (disagreeing, turns) = disagreement(planned);
         Self {

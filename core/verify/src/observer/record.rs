@@ -8,9 +8,9 @@ use std::time::Duration;
 use super::verdict::CollisionRisk;
 use crate::Violation;
 use formation_model::{
-    CausalMark, ClosedRoster, Digest, DriveState, Epoch, Heartbeat, Incarnation, MODULES_MAX,
-    MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose,
-    RosterMember, SpotClaim, SpotId, Stop, TURNS_MAX,
+    CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits,
+    ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
+    SpotClaim, SpotId, Stop, TURNS_MAX,
 };
 
 /// The greatest number of runs of one module that are kept, the latest ones.
@@ -194,7 +194,7 @@ impl Act {
                 fits &= merge_lowest(&mut self.agreed_on, &state.agreed_on);
             }
             ModulePhase::Planning | ModulePhase::Agreeing | ModulePhase::Waiting
-                if state.drive != DriveState::Displaced
+                if !state.drive.is_off_way()
                     && !self.frozen_at.contains(&state.pose)
                     && self.frozen_at.len() < FROZEN_POSES_MAX =>
             {

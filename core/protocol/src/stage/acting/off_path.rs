@@ -21,6 +21,9 @@ use crate::stage::off_path::OffPath;
 /// How much longer others wait for an epoch that the displaced module opens itself.
 const LEFT_TO_ITSELF: Duration = Duration::from_secs(1);
 
+/// How many standard deviations a body is wider on each side.
+const DEVIATIONS: i64 = 2;
+
 /// A module cannot be this far off modules that stand on their spots and to which its ports are locked.
 const BEYOND_PORTS: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
 
@@ -105,14 +108,14 @@ impl HeldPlan {
             return;
         };
         let off = self.off_by_state(state);
-        let Some(distance) = off.filter(|_| state.drive == DriveState::Displaced) else {
+        let Some(distance) = off.filter(|_| state.drive.is_off_way()) else {
             self.motion.off_path.remove(&module);
             return;
         };
         let limit = self.path_limit(context);
         let known = self.motion.off_path.get(&module).copied();
         let mut next = OffPath::next(known, (state.pose, distance, true), limit, context.now);
-        next.contradicts_ports = self.contradicts_ports(distance, &state.links, context);
+        next.is_believed = state.drive != DriveState::Lost;
         self.motion.off_path.insert(module, next);
     }
 }
@@ -142,11 +145,15 @@ impl Acting {
         // Before a step it stands where the last one ended.
         let stands = matches!(self.task, Task::Waiting | Task::Undocking | Task::Pausing);
         let off = self.held.off_by(module, (self.steps_done, stands), &pose);
-        let limit = match self.task {
-            Task::Settled => context.spot_limit(),
-            _ => limit,
+        let deviation = context.robot.deviation;
+        let bound = context.own.deviation_limit;
+        let (limit, bound) = match self.task {
+            Task::Settled => (context.spot_limit(), bound),
+            // A body is wider by what its localisation leaves open, and must not reach out of its cells.
+            _ => (limit, bound.min(MicroUnits(limit.0 / DEVIATIONS))),
         };
-        let Some(distance) = off.filter(|&off| off > limit) else {
+        let is_lost = deviation > bound;
+        let Some(distance) = off.filter(|&off| off > limit || is_lost) else {
             // Also if that was found in an earlier epoch.
             context.robot.is_localised = true;
             if self.off_path.take().is_some() {
@@ -158,17 +165,20 @@ impl Acting {
         let known = self.off_path;
         let measured = (pose, distance, !context.robot.moving);
         let mut next = OffPath::next(known, measured, limit, context.now);
-        if known.is_none() {
-            context.mark_state_changed();
-            context.emit(Event::OffPath(distance));
-        }
         let links = &context.robot.links;
-        let contradicts_ports = self.held.contradicts_ports(distance, links, context);
-        let was_known = next.contradicts_ports;
-        next.contradicts_ports = contradicts_ports && next.counts_at() <= context.now;
-        context.robot.is_localised = !next.contradicts_ports;
-        if next.contradicts_ports && !was_known {
-            context.emit(Event::PortsContradictPose(distance));
+        let contradicts_ports = next.counts_at() <= context.now
+            && self.held.contradicts_ports(distance, links, context);
+        next.is_believed = !contradicts_ports && !is_lost;
+        context.robot.is_localised = next.is_believed;
+        if known.map(|known| known.is_believed) != Some(next.is_believed) {
+            context.mark_state_changed();
+            context.emit(if contradicts_ports {
+                Event::PortsContradictPose(distance)
+            } else if is_lost {
+                Event::LocalisationLost(deviation)
+            } else {
+                Event::OffPath(distance)
+            });
         }
         self.off_path = Some(next);
         context.wake_at(next.counts_at());
@@ -202,7 +212,7 @@ impl Acting {
                     LEFT_TO_ITSELF
                 };
             context.wake_at(due);
-            let counts = off.stands && !off.contradicts_ports && context.now >= due;
+            let counts = off.stands && off.is_believed && context.now >= due;
             if counts
                 && (self.held.plan.assignments.contains_key(&module)
                     || !self.is_carried_out(context))

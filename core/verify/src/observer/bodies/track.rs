@@ -132,7 +132,7 @@ impl Track {
         let passed = self.last.at.checked_sub(before.at);
         // A module that is measured off its way did not drive there, nor did one that stands and carries out no plan.
         let both = [&before, &self.last];
-        let is_displaced = both.iter().any(|it| it.drive == DriveState::Displaced);
+        let is_displaced = both.iter().any(|it| it.drive.is_off_way());
         let is_idle = |it: &&Sample| it.drive == DriveState::Standing && it.steps.is_none();
         let drove = !is_displaced && (stood || !both.iter().all(is_idle));
         let in_time = passed.is_some_and(|passed| stood || passed <= UNSEEN_MAX);
@@ -171,7 +171,7 @@ impl Track {
             ..
         } = self.last;
         let (epoch, steps) = (epoch?, steps?);
-        if drive == DriveState::Displaced {
+        if drive.is_off_way() {
             return None;
         }
         let drives = matches!(drive, DriveState::Moving | DriveState::Folding);
