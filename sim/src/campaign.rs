@@ -11,10 +11,11 @@ use formation_model::{
 use formation_protocol::AgentParameters;
 use formation_verify::Violation as Breach;
 
-use crate::cluster::{Cluster, ClusterParameters};
+use crate::cluster::{Cluster, ClusterParameters, Stores};
 use crate::faults::{CarryMoment, Fault, FaultKind, ScheduledFault, draw};
 use crate::monitor::{BrokenInvariant, Monitor};
 use crate::network::NetworkParameters;
+use crate::obstacles::add_obstacles;
 use crate::process::AgentFactory;
 use crate::transcript::Transcript;
 use crate::verifier::{LINGER, Verifier};
@@ -164,6 +165,11 @@ fn draw_problem(
     }
     if of_robots.is_some() {
         raw.planner.motion = MotionMode::Paths;
+        // In a third of the runs.
+        let mut walls = Random::from_seed(random.below(u64::MAX));
+        if walls.below(3) == 0 {
+            add_obstacles(&mut raw, &mut walls);
+        }
     }
     Ok(Scenario::try_from(raw)?.problem().clone())
 }
@@ -219,9 +225,15 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
     let is_churn = matches!(parameters.faults, FaultKind::Churn | FaultKind::Clocks);
     let always_named = stores || is_churn;
     let others = cluster_parameters(parameters.faults);
-    let is_slow = parameters.faults == FaultKind::Hosts && memory.below(4) == 0;
+    let is_of_hosts = parameters.faults == FaultKind::Hosts;
+    let is_slow = is_of_hosts && memory.below(4) == 0;
+    let is_mixed = is_of_hosts && stores && memory.below(2) == 0;
     let cluster_parameters = ClusterParameters {
-        stores,
+        stores: match (stores, is_mixed) {
+            (false, _) => Stores::None,
+            (true, false) => Stores::All,
+            (true, true) => Stores::OfEven,
+        },
         names_founders: always_named || memory.below(2) == 0,
         write_max: if is_slow {
             SLOW_STORE

@@ -9,13 +9,14 @@ mod faults;
 mod monitor;
 mod network;
 mod observation;
+mod obstacles;
 mod process;
 mod sweep;
 mod transcript;
 mod verifier;
 
 pub use campaign::{CampaignError, CampaignParameters, Ending, SeedReport, run_seed};
-pub use cluster::{Cluster, ClusterParameters, Standing};
+pub use cluster::{Cluster, ClusterParameters, Standing, Stores};
 pub use faults::{CarryMoment, Fault, FaultKind, ScheduledFault};
 pub use monitor::{BrokenInvariant, ViolationKind, blocks_all, room};
 pub use network::NetworkParameters;

@@ -170,7 +170,7 @@ fn a_docked_part_that_is_moved_as_a_whole_goes_back_as_one_block() {
 
 /// On its way, a body that is wider by two standard deviations on each side must not reach out of its cells: bodies 0.9 units wide
 /// leave 0.05. Where it is measured meanwhile is not believed.
-/// Shows X14.
+/// Shows X15.
 #[test]
 fn a_module_whose_driver_states_too_great_a_deviation_halts_with_all_others_until_that_is_less() {
     let module = ModuleId(3);

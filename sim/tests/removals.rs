@@ -14,7 +14,7 @@ use formation_model::{
     Roster, RosterMessage, SpotId, Whereabouts,
 };
 use formation_protocol::{Agent, Event, Mutation, Refusal};
-use formation_sim::{AgentFactory, Cluster, ClusterParameters};
+use formation_sim::{AgentFactory, Cluster, ClusterParameters, Stores};
 
 /// Forms five spots with one spare.
 fn formed(seed: u64, agents: AgentFactory) -> Trial {
@@ -366,7 +366,7 @@ fn a_restarted_member_that_refuses_a_removal_opens_the_next_epoch() {
     for seed in 0..6 {
         let restarted = ModuleId(6);
         let parameters = ClusterParameters {
-            stores: true,
+            stores: Stores::All,
             names_founders: true,
             ..ClusterParameters::default()
         };

@@ -14,7 +14,7 @@ use formation_model::{
     Pose, Roster, RosterMessage, Whereabouts,
 };
 use formation_protocol::Agent;
-use formation_sim::{AgentFactory, Cluster, ClusterParameters};
+use formation_sim::{AgentFactory, Cluster, ClusterParameters, Stores};
 
 /// An incarnation that is later than every other.
 pub const LATE: u64 = 1 << 40;
@@ -268,7 +268,7 @@ fn what_stores_hold_of_a_run_whose_clock_was_ahead_takes_no_spot_from_a_later_on
         let agents = with_runs(third, &[LATE, 1_001]);
         let problem = drawn(6, 5, Grouping::Singletons, seed);
         let parameters = ClusterParameters {
-            stores: true,
+            stores: Stores::All,
             ..ClusterParameters::default()
         };
         let mut trial = Trial::of_agents(&problem, parameters, seed, agents);
@@ -393,7 +393,7 @@ fn a_later_run_does_not_count_as_one_that_learned_of_the_same_former_run() {
     for seed in 0..6 {
         let problem = drawn(5, 5, Grouping::Singletons, seed);
         let parameters = ClusterParameters {
-            stores: true,
+            stores: Stores::All,
             names_founders: true,
             ..ClusterParameters::default()
         };

@@ -9,12 +9,13 @@ use formation_generate::Grouping;
 use formation_model::{ModuleId, Stop};
 use formation_protocol::{Agent, AgentParameters, Mutation};
 use formation_sim::{
-    AgentFactory, CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, run_seed,
+    AgentFactory, CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, Stores,
+    run_seed,
 };
 
 fn with_stores() -> ClusterParameters {
     ClusterParameters {
-        stores: true,
+        stores: Stores::All,
         names_founders: true,
         ..ClusterParameters::default()
     }

@@ -28,6 +28,27 @@ use crate::observation::Observation;
 use crate::process::{AgentFactory, Process, Stored};
 use crate::transcript::Transcript;
 
+/// Which modules have stores.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stores {
+    /// None.
+    None,
+    /// All.
+    All,
+    /// Those with even identifiers.
+    OfEven,
+}
+
+impl Stores {
+    fn has(self, module: ModuleId) -> bool {
+        match self {
+            Self::None => false,
+            Self::All => true,
+            Self::OfEven => module.0.is_multiple_of(2),
+        }
+    }
+}
+
 /// The properties of a cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClusterParameters {
@@ -43,8 +64,8 @@ pub struct ClusterParameters {
     pub start_spread: Duration,
     /// The greatest number of millionths by which a clock runs fast or slow.
     pub drift_ppm_max: u32,
-    /// Whether each module has a store that outlives its process.
-    pub stores: bool,
+    /// The modules with stores that outlive their processes.
+    pub stores: Stores,
     /// A store takes less than this to write.
     pub write_max: Duration,
     /// Whether the target names its founders, which are all modules of the problem.
@@ -64,7 +85,7 @@ impl Default for ClusterParameters {
             drive_tick: Duration::from_millis(100),
             start_spread: Duration::from_millis(500),
             drift_ppm_max: 200,
-            stores: false,
+            stores: Stores::None,
             write_max: Duration::from_millis(50),
             names_founders: false,
             plan_time_max: None,
@@ -140,7 +161,11 @@ impl Cluster {
             let body = Identity {
                 module: module.id,
                 incarnation: Incarnation(0),
-                store: parameters.stores.then(|| store_of(module.id)).flatten(),
+                store: parameters
+                    .stores
+                    .has(module.id)
+                    .then(|| store_of(module.id))
+                    .flatten(),
                 pose: module.pose,
                 links: module.links.clone(),
                 configuration: module.configuration,

@@ -51,6 +51,8 @@ pub(super) struct ContactWatch {
     pub by_paths: BTreeSet<PlanKey>,
     /// The pairs that were found to overlap, which are reported once; a module and itself for an obstacle.
     found: BTreeSet<(ModuleId, ModuleId)>,
+    /// The pairs that a hand made meet, until they part.
+    met_by_hand: BTreeSet<(ModuleId, ModuleId)>,
 }
 
 impl Monitor {
@@ -145,6 +147,8 @@ impl Monitor {
             };
             if meets {
                 found.push(pair);
+            } else {
+                self.bodies.met_by_hand.remove(&pair);
             }
         }
         if let Some(target) = target
@@ -156,6 +160,10 @@ impl Monitor {
         }
         for pair in found {
             if self.hands.made_contact(pair, leg.end) {
+                self.bodies.met_by_hand.insert(pair);
+            }
+            // Until they part.
+            if self.bodies.met_by_hand.contains(&pair) {
                 continue;
             }
             self.bodies.found.insert(pair);

@@ -137,7 +137,7 @@ fn turned_off(from: &Pose, to: &Pose, pose: &Pose) -> MicroUnits {
 
 impl Acting {
     /// Compares the measured pose of this module with what the plan lets it do now.
-    /// Enforces X14.
+    /// Enforces X14, X15.
     pub(super) fn watch_place(&mut self, context: &mut Context) {
         let module = context.module();
         let limit = self.held.path_limit(context);
