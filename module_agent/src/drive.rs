@@ -22,7 +22,7 @@ pub(crate) enum Drive {
         due: Option<Duration>,
         reports: VecDeque<MotionReport>,
     },
-    External(ExternalDrive),
+    External(Box<ExternalDrive>),
 }
 
 impl Drive {
@@ -38,7 +38,8 @@ impl Drive {
             // Requests are numbered from the start of the process, so that no earlier process used the same number.
             DriveMode::External => {
                 let first_request = identity.incarnation.0;
-                Self::External(ExternalDrive::new(pose, motion.external, first_request))
+                let drive = ExternalDrive::new(pose, motion.external, first_request);
+                Self::External(Box::new(drive))
             }
         }
     }
