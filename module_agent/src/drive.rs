@@ -16,13 +16,17 @@ use crate::drivers::DriverMessage;
 const SIMULATION_INTERVAL: Duration = Duration::from_millis(100);
 
 /// One module's drive and docking ports.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a process has one for each of its modules"
+)]
 pub(crate) enum Drive {
     Simulated {
         drive: SimulatedDrive,
         due: Option<Duration>,
         reports: VecDeque<MotionReport>,
     },
-    External(Box<ExternalDrive>),
+    External(ExternalDrive),
 }
 
 impl Drive {
@@ -38,8 +42,7 @@ impl Drive {
             // Requests are numbered from the start of the process, so that no earlier process used the same number.
             DriveMode::External => {
                 let first_request = identity.incarnation.0;
-                let drive = ExternalDrive::new(pose, motion.external, first_request);
-                Self::External(Box::new(drive))
+                Self::External(ExternalDrive::new(pose, motion.external, first_request))
             }
         }
     }
