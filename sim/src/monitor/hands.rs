@@ -1,6 +1,6 @@
 //! What hands have done to robots: the truth about where they put them, whatever the modules believe.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use formation_model::{ModuleId, Pose};
@@ -19,8 +19,8 @@ const NOTICED: Duration = Duration::from_secs(15);
 #[derive(Default)]
 pub(super) struct Hands {
     carried: BTreeMap<ModuleId, Duration>,
-    /// The modules whose localisation has jumped.
-    misled: BTreeSet<ModuleId>,
+    /// When the localisation of a module last jumped.
+    misled: BTreeMap<ModuleId, Duration>,
 }
 
 impl Hands {
@@ -31,17 +31,19 @@ impl Hands {
 
     /// Whether a module may be measured elsewhere than it drove.
     pub fn has_moved_or_misled(&self, module: ModuleId) -> bool {
-        self.has_carried(module) || self.misled.contains(&module)
+        self.has_carried(module) || self.misled.contains_key(&module)
     }
 
-    pub fn note_misled(&mut self, module: ModuleId) {
-        self.misled.insert(module);
+    pub fn note_misled(&mut self, module: ModuleId, at: Duration) {
+        self.misled.insert(module, at);
     }
 
     /// Whether a module may still take itself to be where it was.
     pub fn may_be_off(&self, module: ModuleId, at: Duration) -> bool {
-        let carried = self.carried.get(&module);
-        carried.is_some_and(|&carried| at <= carried + NOTICED)
+        let both = [self.carried.get(&module), self.misled.get(&module)];
+        both.into_iter()
+            .flatten()
+            .any(|&since| at <= since + NOTICED)
     }
 
     /// Whether a hand made two modules meet.

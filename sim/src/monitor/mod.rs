@@ -130,7 +130,7 @@ impl Monitor {
                 Observation::Noted(_, Event::Planned { epoch, .. }) => {
                     self.planned.insert(epoch);
                 }
-                Observation::Fault(Fault::Mislead(module, _)) => self.hands.note_misled(module),
+                Observation::Fault(Fault::Mislead(module, _)) => self.hands.note_misled(module, at),
                 Observation::Noted(..)
                 | Observation::Announced(_)
                 | Observation::Injected(_)
@@ -313,7 +313,7 @@ impl Monitor {
                 && frozen.spot != Some(*spot)
                 && same_target
                 && knows_target
-                && !self.hands.has_carried(member.module.id)
+                && !self.hands.has_moved_or_misled(member.module.id)
             {
                 forgotten.push(format!(
                     "{} of {spot} in {}",
