@@ -107,6 +107,17 @@ pub enum FormationCommand {
         #[command(flatten)]
         network: FormationSelector,
     },
+    /// Have a module leave a running formation: it gets no spot, and a spare takes its own.
+    Retire {
+        /// The module.
+        #[arg(value_name = "ID")]
+        module: u32,
+        /// Have it take part again instead.
+        #[arg(long)]
+        rejoin: bool,
+        #[command(flatten)]
+        network: FormationSelector,
+    },
     /// Route messages between processes over Zenoh, until interrupted.
     Router(RouterArguments),
     /// Restrict a formation over Zenoh to programs with a certificate, each in its role.

@@ -63,6 +63,11 @@ fn main() -> ExitCode {
         FormationCommand::Remove { modules, network } => {
             operator::give(&network, &operator::removal(&modules))
         }
+        FormationCommand::Retire {
+            module,
+            rejoin,
+            network,
+        } => operator::give(&network, &operator::retirement(module, rejoin)),
         FormationCommand::Replay(arguments) => operator::replay(&arguments),
         FormationCommand::Router(arguments) => router::run(&arguments),
         #[cfg(feature = "zenoh")]

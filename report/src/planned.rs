@@ -85,6 +85,7 @@ impl<'a> Course<'a> {
                 links: module.links.clone(),
                 spot: module.pin,
                 unit: None,
+                in_service: true,
             });
         }
         course.note(LogEvent::Roster {

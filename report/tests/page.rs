@@ -215,6 +215,7 @@ fn state(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> LogEvent {
         links: links.iter().copied().map(ModuleId).collect(),
         spot: (phase != ModulePhase::Listening).then_some(SpotId(1)),
         unit: None,
+        in_service: true,
     })
 }
 

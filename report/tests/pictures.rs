@@ -180,6 +180,7 @@ fn the_moments_of_a_figure_are_shares_of_the_recorded_time() {
             links: BTreeSet::new(),
             spot: None,
             unit: None,
+            in_service: true,
         }),
     };
     // Module 1 drives for a second, and module 2 for a second after a wait of eight.

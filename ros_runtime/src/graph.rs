@@ -1,5 +1,8 @@
 //! The middleware under a [`RosContext`](crate::ros_context::RosContext): what each must do for it.
 
+use std::collections::BTreeSet;
+use std::time::Duration;
+
 use futures::stream::LocalBoxStream;
 use ros2_client::ParameterValue;
 use serde::Serialize;
@@ -126,6 +129,34 @@ impl Graph {
         of_either!(self, graph => graph.raw_subscription(topic, name))
     }
 
+    /// The names of the discovered services whose last part is `name`.
+    pub(crate) fn services_named(&self, name: &str) -> Result<BTreeSet<String>, RosContextError> {
+        match self {
+            Self::Dds(graph) => Ok(graph.services_named(name)),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(_) => Err(calls_no_services()),
+        }
+    }
+
+    /// Calls a service, and waits for the answer.
+    pub(crate) fn call<Q, A>(
+        &mut self,
+        service: &DeclaredService<Q, A>,
+        name: &str,
+        request: &Q,
+        limit: Duration,
+    ) -> Result<Option<A>, RosContextError>
+    where
+        Q: Serialize + DeserializeOwned + Clone + 'static,
+        A: Serialize + DeserializeOwned + 'static,
+    {
+        match self {
+            Self::Dds(graph) => graph.call(service, name, request, limit),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(_) => Err(calls_no_services()),
+        }
+    }
+
     /// Serves a service.
     pub(crate) fn serve<Q, A>(
         &mut self,
@@ -152,4 +183,11 @@ impl Graph {
     pub(crate) fn announce_parameter(&mut self, name: &str, value: ParameterValue) {
         of_either!(self, graph => graph.announce_parameter(name, value));
     }
+}
+
+#[cfg(feature = "zenoh")]
+fn calls_no_services() -> RosContextError {
+    RosContextError::BadInput(
+        "services are not called over Zenoh: use `ros2 service call`, with the command in docs/ros2.md".to_owned(),
+    )
 }

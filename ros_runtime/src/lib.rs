@@ -15,6 +15,7 @@ mod addresses;
 pub mod arguments;
 pub mod cdr;
 mod dds_action;
+mod dds_client;
 mod dds_deadlock;
 mod dds_graph;
 mod dds_liveness;

@@ -1,7 +1,9 @@
 //! One process in the ROS 2 graph, over whichever middleware it uses.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::rc::{Rc, Weak};
+use std::time::Duration;
 
 use futures::stream::LocalBoxStream;
 use serde::Serialize;
@@ -161,6 +163,33 @@ impl RosContext {
     {
         let name = self.resolve(Resource::Service, service.name)?;
         self.graph.serve(service, &name)
+    }
+
+    /// The fully qualified names of the services whose last part is `name`, as far as they are discovered.
+    ///
+    /// # Errors
+    /// Over Zenoh, where this program calls no services.
+    pub fn services_named(&self, name: &str) -> Result<BTreeSet<String>, RosContextError> {
+        self.graph.services_named(name)
+    }
+
+    /// Calls the service with this fully qualified name, and waits for the answer; `None` if none comes within the limit. The request
+    /// may arrive more than once.
+    ///
+    /// # Errors
+    /// Over Zenoh, where this program calls no services; or the library refuses.
+    pub fn call<Q, A>(
+        &mut self,
+        service: &DeclaredService<Q, A>,
+        name: &str,
+        request: &Q,
+        limit: Duration,
+    ) -> Result<Option<A>, RosContextError>
+    where
+        Q: Serialize + DeserializeOwned + Clone + 'static,
+        A: Serialize + DeserializeOwned + 'static,
+    {
+        self.graph.call(service, name, request, limit)
     }
 
     /// Serves an action.

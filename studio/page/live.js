@@ -19,6 +19,8 @@ export class Live {
       end: () => this.send("run/end"),
       kill: () => this.send("run/kill", { module: this.chosen }),
       restart: () => this.send("run/restart", { module: this.chosen }),
+      retire: () => this.send("run/retire", { module: this.chosen }),
+      rejoin: () => this.send("run/rejoin", { module: this.chosen }),
     };
     for (const [id, act] of Object.entries(orders)) part(id).addEventListener("click", act);
   }
@@ -161,7 +163,10 @@ export class Live {
     const spot = module.spot == null ? "without a spot" : `spot ${module.spot}`;
     const waits = module.waits_for.length ? `waits for ${module.waits_for.join(", ")} ` : "";
     part("chosen-text").textContent = `Module ${module.id}: ${isDead ? "its process ended" : module.phase.toLowerCase()}, ${spot}, docked to ${module.links.length ? module.links.join(", ") : "nothing"}; ${waits}${module.why}`;
-    part("kill").hidden = part("restart").hidden = this.readOnly;
+    for (const id of ["kill", "restart"]) part(id).hidden = this.readOnly;
+    part("retire").hidden = this.readOnly || !module.in_service;
+    part("rejoin").hidden = this.readOnly || module.in_service;
+    for (const id of ["retire", "rejoin"]) part(id).disabled = isDead || !this.running;
     part("kill").disabled = isDead || !this.running;
     part("restart").disabled = !isDead || !this.running;
   }

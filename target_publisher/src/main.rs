@@ -7,6 +7,7 @@ mod goal_resolver;
 mod goal_tracker;
 mod operator;
 mod parameters;
+mod retirement;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,7 @@ use ros_runtime::settings::Settings;
 use crate::announcer::TargetPublisher;
 use crate::operator::OperatorOrder;
 use crate::parameters::PublisherParameters;
+use crate::retirement::Retirement;
 
 /// Announces the target of a scenario, and keeps it for late subscribers, until it is asked to stop.
 ///
@@ -66,7 +68,7 @@ fn plausible_revision(text: &str) -> Result<u64, String> {
     Ok(revision)
 }
 
-/// Commands to all modules. The program gives one, waits until the modules show it, and ends.
+/// Commands to modules. The program gives one, waits until it is taken, and ends.
 #[derive(Args)]
 #[group(multiple = false, conflicts_with = "scenario")]
 struct OperatorArguments {
@@ -79,23 +81,46 @@ struct OperatorArguments {
     /// Report the bodies of these modules as taken away, so that they block no spot any more, and end
     #[arg(long, value_name = "ID", value_delimiter = ',')]
     remove_module: Vec<u32>,
+    /// Have this module leave the formation: it gets no spot until it rejoins; and end
+    #[arg(long, value_name = "ID")]
+    retire_module: Option<u32>,
+    /// Have this module take part again, and end
+    #[arg(long, value_name = "ID")]
+    rejoin_module: Option<u32>,
+}
+
+/// What an operator orders.
+enum Order {
+    /// Of all modules, on a topic.
+    OfAll(OperatorOrder),
+    /// Of one module, by a service of its process.
+    OfOne(Retirement),
 }
 
 impl OperatorArguments {
-    fn order(&self) -> Option<OperatorOrder> {
+    fn order(&self) -> Option<Order> {
         if self.stop || self.resume {
-            return Some(OperatorOrder::Stop(self.stop));
+            return Some(Order::OfAll(OperatorOrder::Stop(self.stop)));
+        }
+        let retirements = [(self.retire_module, false), (self.rejoin_module, true)];
+        for (module, rejoins) in retirements {
+            if let Some(module) = module.map(ModuleId) {
+                return Some(Order::OfOne(Retirement { module, rejoins }));
+            }
         }
         let modules = self.remove_module.iter().copied().map(ModuleId);
         let modules: BTreeSet<ModuleId> = modules.collect();
-        (!modules.is_empty()).then_some(OperatorOrder::Remove(modules))
+        (!modules.is_empty()).then_some(Order::OfAll(OperatorOrder::Remove(modules)))
     }
 }
 
 impl Program for Arguments {
     fn run(self, mut settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
         if let Some(order) = self.order.order() {
-            let outcome = operator::command(&settings, order, stop)?;
+            let outcome = match order {
+                Order::OfAll(order) => operator::command(&settings, order, stop)?,
+                Order::OfOne(retirement) => retirement::ask(&settings, retirement, stop)?,
+            };
             tracing::info!("{outcome}");
             return Ok(STATUS_DONE);
         }

@@ -172,3 +172,45 @@ fn state_of(sample: &Value, module: u32) -> Option<Value> {
     let mut states = sample["modules"].as_array()?.iter();
     states.find(|state| state["module_id"] == module).cloned()
 }
+
+/// The node of a process is named after one of its modules.
+#[test]
+fn retire_asks_the_processes_until_one_hosts_the_module() {
+    let domain = &*Domain::for_processes(4);
+    let scenario = scenario_path("singletons_10");
+    let scenario = scenario.to_str().unwrap();
+    let agents: Vec<Running> = ["1-2", "3-4"]
+        .iter()
+        .map(|hosted| {
+            let arguments = ["--scenario", scenario, "--modules", hosted];
+            Running::start("module_agent", domain, &arguments)
+        })
+        .collect();
+    let ask = |arguments: &[&str]| {
+        let command = [&["retire"], arguments].concat();
+        Running::start("formation", domain, &command).finish(PATIENCE)
+    };
+    for (arguments, said) in [
+        (&["4"][..], "module 4 stands still and leaves the formation"),
+        (&["4"], "module 4 is retired already"),
+        (&["4", "--rejoin"], "module 4 takes part again"),
+    ] {
+        let answer = ask(arguments);
+        assert_eq!(answer.status, 0, "{}", answer.stderr);
+        assert!(answer.stderr.contains(said), "{}", answer.stderr);
+    }
+    let answer = ask(&["9"]);
+    assert_eq!(answer.status, 1);
+    let hosts = [
+        "module 9 is not hosted by this process, which hosts 1, 2",
+        "hosts 3, 4",
+    ];
+    assert!(
+        hosts.iter().all(|host| answer.stderr.contains(host)),
+        "{}",
+        answer.stderr
+    );
+    for agent in agents {
+        assert_eq!(agent.stop().status, 0);
+    }
+}

@@ -178,6 +178,12 @@ fn process_states(state: &Value) -> Vec<(u64, String)> {
         .collect()
 }
 
+/// What a state says of a module.
+fn module_of(state: &Value, id: u64) -> &Value {
+    let modules = state["modules"].as_array().unwrap();
+    modules.iter().find(|module| module["id"] == id).unwrap()
+}
+
 #[test]
 fn eight_processes_form_an_h_lose_one_and_form_a_line_from_where_they_stand() {
     let domain = &*Domain::for_processes(12);
@@ -218,6 +224,15 @@ fn eight_processes_form_an_h_lose_one_and_form_a_line_from_where_they_stand() {
         .collect();
     xs.sort_by(f64::total_cmp);
     assert_eq!(xs, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    // Seven spots and eight modules: the spare takes the spot of a module that retires.
+    studio.order("run/retire", &json!({"module": 1}));
+    let retired = |state: &Value| module_of(state, 1)["in_service"] == false;
+    studio.wait_for("the retirement of module 1", retired);
+    let formed = studio.wait_for_complete(7);
+    assert_eq!(module_of(&formed, 1)["phase"], "SPARE");
+    studio.order("run/rejoin", &json!({"module": 1}));
+    studio.wait_for("the return of module 1", |state| !retired(state));
+    studio.wait_for_complete(7);
     studio.order("run/restart", &json!({"module": 1}));
     studio.wait_for("the new process of module 1", |state| {
         state["log"].to_string().contains("Module 1 starts again")
@@ -303,6 +318,8 @@ fn what_is_hostile_is_refused_and_nothing_is_started() {
     for call in [
         "run/kill",
         "run/restart",
+        "run/retire",
+        "run/rejoin",
         "run/stop",
         "run/resume",
         "run/target",
@@ -333,6 +350,8 @@ fn an_attached_page_watches_a_run_and_cannot_change_it() {
         "run",
         "run/kill",
         "run/restart",
+        "run/retire",
+        "run/rejoin",
         "run/stop",
         "run/resume",
         "run/target",

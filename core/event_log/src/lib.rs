@@ -91,4 +91,11 @@ pub struct ModuleSnapshot {
     pub spot: Option<SpotId>,
     /// The module whose acting unit it moves with.
     pub unit: Option<ModuleId>,
+    /// Whether it takes a spot if the plan gives it one: it is not retired, and its drive has not failed.
+    #[serde(default = "is_so", skip_serializing_if = "Clone::clone")]
+    pub in_service: bool,
+}
+
+fn is_so() -> bool {
+    true
 }

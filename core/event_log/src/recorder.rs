@@ -144,6 +144,7 @@ impl Recorder {
             links: state.links.clone(),
             spot: state.spot,
             unit: state.unit,
+            in_service: state.service == Service::Active,
         };
         let known = self.modules.get_mut(&state.module);
         let is_restart = known

@@ -30,6 +30,10 @@ pub enum RunOrder {
     Kill(ModuleId),
     /// Starts the process of a module again, and ends it before if it runs.
     Restart(ModuleId),
+    /// Takes a module out of service, so that it gets no spot.
+    Retire(ModuleId),
+    /// Lets it take part again.
+    Rejoin(ModuleId),
     /// Halts all modules.
     Stop,
     /// Lets them go on.

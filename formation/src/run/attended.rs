@@ -29,6 +29,8 @@ impl RunLoop<'_> {
         match order {
             RunOrder::Kill(module) => self.kill(*module),
             RunOrder::Restart(module) => self.restart(*module),
+            RunOrder::Retire(module) => self.retire(*module, false),
+            RunOrder::Rejoin(module) => self.retire(*module, true),
             RunOrder::Stop => {
                 self.give("the order to stop", &[operator::STOP.to_owned()]);
                 Ok(())
@@ -57,6 +59,16 @@ impl RunLoop<'_> {
             true => Ok(()),
             false => Err(format!("the process of {module} has ended already")),
         }
+    }
+
+    fn retire(&mut self, module: ModuleId, rejoins: bool) -> Result<(), String> {
+        self.process_of(module)?;
+        let what = match rejoins {
+            true => format!("the order to {module} to take part again"),
+            false => format!("the order to {module} to leave the formation"),
+        };
+        self.give(&what, &operator::retirement(module.0, rejoins));
+        Ok(())
     }
 
     fn restart(&mut self, module: ModuleId) -> Result<(), String> {

@@ -1,4 +1,4 @@
-//! `formation stop`, `resume` and `remove`, which command the modules of a running formation, and `formation replay`: each is the work of
+//! `formation stop`, `resume`, `remove` and `retire`, which command the modules of a running formation, and `formation replay`: each is the work of
 //! another program.
 
 use anyhow::{Context, anyhow};
@@ -17,6 +17,15 @@ pub const RESUME: &str = "--resume";
 /// The option that reports bodies as removed.
 pub fn removal(modules: &[u32]) -> Vec<String> {
     vec!["--remove-module".to_owned(), joined(modules, ",")]
+}
+
+/// The option that takes a module out of service, or back.
+pub fn retirement(module: u32, rejoins: bool) -> Vec<String> {
+    let option = match rejoins {
+        true => "--rejoin-module",
+        false => "--retire-module",
+    };
+    vec![option.to_owned(), module.to_string()]
 }
 
 /// Has a target publisher give a command, which ends once the modules show it.

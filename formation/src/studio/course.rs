@@ -245,6 +245,7 @@ impl Course {
         let is_dead = self.dead.contains(&id);
         let (waits_for, why) = match is_dead {
             true => (Vec::new(), "its process has ended"),
+            false if !snapshot.in_service => (Vec::new(), "is out of service"),
             false => self.wait(id, snapshot.phase),
         };
         json!({
@@ -256,6 +257,7 @@ impl Course {
             "spot": snapshot.spot,
             "links": snapshot.links,
             "process": if is_dead { "dead" } else { "running" },
+            "in_service": snapshot.in_service,
             "waits_for": waits_for,
             "why": why,
         })

@@ -54,6 +54,12 @@ pub fn carry_out(studio: &Studio, name: &str, body: &str) -> Option<Result<(), S
         "run/restart" => {
             |studio, body| give(studio, RunOrder::Restart(read::<OneModule>(body)?.module))
         }
+        "run/retire" => {
+            |studio, body| give(studio, RunOrder::Retire(read::<OneModule>(body)?.module))
+        }
+        "run/rejoin" => {
+            |studio, body| give(studio, RunOrder::Rejoin(read::<OneModule>(body)?.module))
+        }
         "run/stop" => |studio, _| give(studio, RunOrder::Stop),
         "run/resume" => |studio, _| give(studio, RunOrder::Resume),
         "run/end" => |studio, _| {

@@ -16,6 +16,7 @@ fn state(module: u32, phase: ModulePhase, spot: Option<u32>, unit: Option<u32>) 
         links: BTreeSet::new(),
         spot: spot.map(SpotId),
         unit: unit.map(ModuleId),
+        in_service: true,
     })
 }
 

@@ -237,6 +237,7 @@ fn a_module_that_only_settles_is_no_news() {
             links: [].into(),
             spot: Some(SpotId(3)),
             unit: None,
+            in_service: true,
         }),
     };
     watched.take(&entry, Duration::from_millis(1));
