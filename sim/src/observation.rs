@@ -1,5 +1,6 @@
 //! What happens in a cluster, for transcripts and checks.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use formation_model::{Digest, Epoch, Message, ModuleId, Pose, TargetAnnouncement};
@@ -20,6 +21,8 @@ pub enum Observation {
     Stands(ModuleId, Pose),
     /// An outside hand has put the module here.
     Carried(ModuleId, Pose),
+    /// An outside hand has torn a module off this docked part.
+    Torn(BTreeSet<ModuleId>),
     /// The publisher of the target announced this.
     Announced(Arc<TargetAnnouncement>),
     /// A participant that is no module published a message.

@@ -67,6 +67,7 @@ impl Transcript {
             Observation::SetOff(..)
             | Observation::Stands(..)
             | Observation::Carried(..)
+            | Observation::Torn(_)
             | Observation::Injected(_) => (None, None),
             Observation::Announced(announcement) => {
                 let kind = match announcement.target {

@@ -3,7 +3,7 @@
 //! Its reader is on the side of a cut where the publisher of the target is. It reviews its verdict as a verifier does that keeps
 //! watching, and in the end its verdicts are compared with what the monitor saw, which looks into every process and drive.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use formation_generate::Random;
@@ -65,8 +65,10 @@ pub(crate) struct Verifier {
     reviews_at: Duration,
     /// When it first reported each breach.
     reported: BTreeMap<Breach, Duration>,
-    /// Whether it reported two robots on one spot that stand there.
+    /// Whether it reported bodies that did meet.
     has_met: bool,
+    /// The docked parts that hands have torn apart, whose members may run into each other until they halt.
+    torn: Vec<BTreeSet<ModuleId>>,
 }
 
 impl Verifier {
@@ -95,6 +97,7 @@ impl Verifier {
             reviews_at: REVIEW_INTERVAL,
             reported: BTreeMap::new(),
             has_met: false,
+            torn: Vec::new(),
         }
     }
 
@@ -111,6 +114,7 @@ impl Verifier {
                 self.network.cut(aside);
                 self.release(at);
             }
+            Observation::Torn(part) => self.torn.push(part.clone()),
             Observation::Fault(Fault::Heal) => {
                 self.network.heal();
                 self.release(at);
@@ -215,10 +219,18 @@ impl Verifier {
     /// although the modules keep their promises; then the verdict is right.
     fn note(&mut self, at: Duration, breaches: Vec<Breach>, cluster: &Cluster) {
         for breach in breaches {
-            if let Breach::TwoBodies { first, second, .. } = breach
-                && let Some((first, second)) = cluster.body(first).zip(cluster.body(second))
-                && first.distance_to(&second) < BODY_WIDTH
-            {
+            let has_met = match breach {
+                Breach::TwoBodies { first, second, .. } => {
+                    let bodies = cluster.body(first).zip(cluster.body(second));
+                    bodies.is_some_and(|(first, second)| first.distance_to(&second) < BODY_WIDTH)
+                }
+                Breach::BodiesOverlap { first, second, .. } => {
+                    let mut torn = self.torn.iter();
+                    torn.any(|part| part.contains(&first) && part.contains(&second))
+                }
+                _ => false,
+            };
+            if has_met {
                 self.has_met = true;
             } else {
                 self.reported.entry(breach).or_insert(at);

@@ -5,11 +5,11 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation_model::{MicroUnits, ModuleId, ModulePhase, PlanningProblem};
+use formation_model::{MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem};
 use formation_protocol::{EpochReason, Event};
 use formation_sim::{
-    CampaignParameters, CarryMoment, Cluster, Ending, FaultKind, SeedReport, ViolationKind, Way,
-    run_seed, run_seeds,
+    CampaignParameters, CarryMoment, Cluster, ClusterParameters, Ending, FaultKind, SeedReport,
+    Stores, ViolationKind, Way, run_seed, run_seeds,
 };
 
 use crate::support::{Trial, ids, scenario};
@@ -219,6 +219,67 @@ fn a_settled_module_halts_beyond_the_limit_for_the_deviation_and_stays() {
     trial.cluster.mislead(module, Way::default());
     trial.run_for(Duration::from_secs(1));
     assert!(trial.cluster.has_formed());
+}
+
+/// The one that is torn off within the step that it takes goes on, and docks again where both end.
+#[test]
+fn a_docked_pair_that_is_torn_apart_on_its_way_ends_docked() {
+    let problem = scenario(
+        "target: {map: 'o-o'}\n\
+         planner: {motion: paths}\n\
+         configurations:\n\
+         - id: 1\n  \
+           leader: 1\n  \
+           modules: [{id: 1, x: 12, y: 0}, {id: 2, x: 13, y: 0}]\n  \
+           edges: [[1, 2]]\n",
+    );
+    for ahead in [-0.3, -0.1] {
+        let mut trial = Trial::new(&problem, 1);
+        trial.until(|cluster| {
+            cluster
+                .body(ModuleId(1))
+                .is_some_and(|pose| pose.x.to_units() < 7.0)
+        });
+        // A few hundredths into a step of one cell.
+        trial.run_for(Duration::from_millis(20));
+        assert!(trial.cluster.carry(ModuleId(1), false, way(ahead, 0.0)));
+        trial.until(Cluster::has_formed);
+        trial.run_for(Duration::from_secs(10));
+        assert_eq!(trial.convened.len(), 1, "{}", trial.cluster.transcript());
+        for (module, other) in [(1, 2), (2, 1)] {
+            let links = trial.cluster.links(ModuleId(module)).unwrap();
+            assert_eq!(*links, ids(&[other]), "{module}, {ahead}");
+        }
+    }
+}
+
+/// The request waits for the store, and the ports of the simulator reach so far.
+#[test]
+fn a_module_that_is_pushed_when_it_has_asked_its_ports_to_dock_asks_again_when_it_is_back() {
+    let parameters = ClusterParameters {
+        stores: Stores::All,
+        write_max: Duration::from_millis(800),
+        ..ClusterParameters::default()
+    };
+    let mut asked = 0;
+    for seed in 0..10 {
+        let mut trial = Trial::with(&in_a_row(), parameters, seed);
+        let module = ModuleId(6);
+        trial.until(Cluster::has_formed);
+        let spot = trial.cluster.body(module);
+        let is_docked = |cluster: &Cluster| cluster.links(module).is_some_and(|it| !it.is_empty());
+        assert!(trial.cluster.carry(module, false, way(0.0, 3.0)));
+        trial.until(|cluster| cluster.body(module) == spot);
+        asked += usize::from(!is_docked(&trial.cluster));
+        assert!(trial.cluster.carry(module, false, way(0.0, 1.5)));
+        let before = trial.newest_epoch();
+        trial.until(|cluster| {
+            cluster.has_formed() && crate::support::newest_epoch(cluster) > before
+        });
+        let contradicted = |event: &Event| matches!(event, Event::PortsContradictPose(_));
+        assert_eq!(trial.count(contradicted), 0, "{seed}");
+    }
+    assert!(asked >= 5, "{asked}");
 }
 
 /// It is no push if its ports are locked to modules that stand on their spots.

@@ -134,6 +134,10 @@ impl Agent {
         let body = &mut self.context.robot;
         let reports_link = state.links.contains(&self.context.own.run.module);
         let is_linked = body.links.contains(&other);
+        if !reports_link {
+            // It knows of that as well, so that a link which it reports later is a new one.
+            body.torn_off.remove(&other);
+        }
         let may_be_docked = !body.torn_off.contains(&other) && !self.stage.is_off_path();
         if reports_link == is_linked {
             return;

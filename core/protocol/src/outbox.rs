@@ -132,6 +132,21 @@ impl Outbox {
         self.durable.waiting.retain(|(_, output)| !is_goal(output));
     }
 
+    /// Removes the requests to dock that the host has not taken yet; returns to which modules.
+    pub fn withdraw_docking(&mut self) -> Vec<ModuleId> {
+        let waiting = self.durable.waiting.iter().map(|(_, output)| output);
+        let docked_to = |output: &Output| match output {
+            Output::Dock(module) => Some(*module),
+            _ => None,
+        };
+        let withdrawn = self.outputs.iter().chain(waiting);
+        let withdrawn = withdrawn.filter_map(docked_to).collect();
+        self.outputs.retain(|output| docked_to(output).is_none());
+        let held = &mut self.durable.waiting;
+        held.retain(|(_, output)| docked_to(output).is_none());
+        withdrawn
+    }
+
     /// An input begins: the outputs from here on are its results.
     pub fn begin_input(&mut self) {
         self.durable.before = (self.outputs.len(), self.heartbeats.clone());

@@ -35,7 +35,7 @@ pub(super) struct Robot {
     pub has_failed: bool,
     /// The modules to which it has asked its ports to dock, or from which to undock, without a report so far.
     pub ports_busy: BTreeSet<ModuleId>,
-    /// The modules from which it was torn: its ports opened unasked. Until the next plan it is docked to them on request only.
+    /// The modules from which it was torn: its ports opened unasked. While they still show themselves docked to it, that is no docking.
     pub torn_off: BTreeSet<ModuleId>,
 }
 

@@ -43,8 +43,12 @@ impl Cluster {
             with_docked,
             way,
         });
+        let part = self.docked_group(module);
         for &one in &carried {
             self.put(one, way);
+        }
+        if part != carried {
+            self.observe(Observation::Torn(part));
         }
         for &one in &carried {
             let links = self.links(one).cloned().unwrap_or_default();

@@ -1,6 +1,6 @@
 //! What hands have done to robots: the truth about where they put them, whatever the modules believe.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use formation_model::{ModuleId, Pose};
@@ -19,6 +19,8 @@ const NOTICED: Duration = Duration::from_secs(15);
 #[derive(Default)]
 pub(super) struct Hands {
     carried: BTreeMap<ModuleId, Duration>,
+    /// When a hand last tore the docked part of a module apart. Its members halt one after another.
+    torn: BTreeMap<ModuleId, Duration>,
     /// When the localisation of a module last jumped.
     misled: BTreeMap<ModuleId, Duration>,
 }
@@ -48,10 +50,16 @@ impl Hands {
 
     /// Whether a hand made two modules meet.
     pub fn made_contact(&self, (one, other): (ModuleId, ModuleId), at: Duration) -> bool {
-        [one, other].into_iter().any(|module| {
-            let carried = self.carried.get(&module);
-            carried.is_some_and(|&carried| at <= carried + REACTION)
-        })
+        let is_recent =
+            |since: Option<&Duration>| since.is_some_and(|&since| at <= since + REACTION);
+        let both = [one, other];
+        both.iter()
+            .any(|module| is_recent(self.carried.get(module)))
+            || both.iter().all(|module| is_recent(self.torn.get(module)))
+    }
+
+    pub fn note_torn(&mut self, part: &BTreeSet<ModuleId>, at: Duration) {
+        self.torn.extend(part.iter().map(|&module| (module, at)));
     }
 }
 

@@ -118,6 +118,7 @@ impl Monitor {
                 },
                 Observation::Stands(module, pose) => self.follow_body(at, module, pose, cluster),
                 Observation::Carried(module, pose) => self.note_carried(at, module, pose, cluster),
+                Observation::Torn(part) => self.hands.note_torn(&part, at),
                 Observation::SetOff(module, plan) => {
                     self.check_departure(at, module, plan, cluster);
                 }

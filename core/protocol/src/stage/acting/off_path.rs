@@ -163,6 +163,10 @@ impl Acting {
             return;
         };
         let known = self.off_path;
+        for other in context.outbox.withdraw_docking() {
+            context.robot.ports_busy.remove(&other);
+            self.asked_to_dock.remove(&other);
+        }
         let measured = (pose, distance, !context.robot.moving);
         let mut next = OffPath::next(known, measured, limit, context.now);
         let links = &context.robot.links;
