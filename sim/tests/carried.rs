@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation_model::{MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem};
+use formation_model::{MicroUnits, ModuleId, ModulePhase, PlanningProblem};
 use formation_protocol::{EpochReason, Event};
 use formation_sim::{
     CampaignParameters, CarryMoment, Cluster, ClusterParameters, Ending, FaultKind, SeedReport,
