@@ -50,6 +50,14 @@ export class Film {
     return { modules, links, caption, paths: this.paths };
   }
 
+  /** The way of each module from the first motion up to a time. */
+  trails(time) {
+    return this.modules.map(({ track }) => {
+      const passed = track.slice(Math.max(0, lastBefore(track, this.begin)), lastBefore(track, time) + 1);
+      return passed.map(([, place]) => place);
+    });
+  }
+
   /** The recorded seconds at a time of the film. */
   seconds(time) {
     const index = Math.max(0, lastBefore(this.clock, time));

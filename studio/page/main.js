@@ -5,7 +5,7 @@ import { Drawing } from "./drawing.js";
 import { Editor } from "./editor.js";
 import { Film, Player } from "./film.js";
 import { Live } from "./live.js";
-import { Stage, groupColour } from "./stage.js";
+import { Stage, cellsOf, groupColour } from "./stage.js";
 
 const PLAN_DELAY_MS = 150;
 const EVENTS_SHOWN_MAX = 3000;
@@ -27,6 +27,9 @@ const scenarioFile = async () => (await ask("write", drawnFields())).text;
 
 const live = new Live(drawing, { text: scenarioFile, show: () => render(), say });
 const player = new Player(() => render());
+/** Whether a part of the film is to be shown. */
+const isChosen = (id) => part(`show-${id}`).checked;
+for (const id of ["paths", "trails", "cells"]) part(`show-${id}`).addEventListener("change", () => render());
 /** Nothing is drawn while a film or a run is shown. */
 const isLocked = () => player.time != null || isWatching();
 let watching = true;
@@ -58,8 +61,16 @@ function render() {
   const base = drawn();
   const [film, other] = films;
   const play = (shown, onto) => {
-    const { modules, links, paths, caption } = shown.at(Math.min(player.time, shown.length));
-    onto.show({ ...base, links, paths, marks: [], modules: modules.map(base.coloured) });
+    const time = Math.min(player.time, shown.length);
+    const { modules, links, paths, caption } = shown.at(time);
+    const coloured = modules.map(base.coloured);
+    const [lattice] = base.spots;
+    onto.show({
+      ...base, links, marks: [], modules: coloured,
+      paths: isChosen("paths") ? paths : [],
+      trails: isChosen("trails") ? shown.trails(time).map((trail, index) => ({ way: [...trail, coloured[index]], colour: coloured[index].colour })) : [],
+      cells: isChosen("cells") && lattice ? coloured.flatMap((module) => cellsOf(module, lattice)) : [],
+    });
     return caption;
   };
   const isPlaying = player.time != null && film;
@@ -219,6 +230,7 @@ onClick("paste", () => { part("paste-error").textContent = ""; part("paste-dialo
 part("paste-ok").addEventListener("click", async () => {
   try {
     await read(asScenario(part("paste-text").value));
+    part("scenarios").value = "";
     part("paste-dialog").close();
   } catch (error) {
     part("paste-error").textContent = error.message;

@@ -13,6 +13,15 @@ const SIDE = 0.9;
 
 export const groupColour = (index) => (index == null ? SINGLE : GROUPS[index % GROUPS.length]);
 
+/** The cells of the lattice of a spot that a module is on: one where it stands on the lattice, two or four on its way between cells. */
+export function cellsOf({ x, y, colour }, { x: left, y: low, theta = 0 }) {
+  const [cosine, sine] = [Math.cos(theta), Math.sin(theta)];
+  const along = [(x - left) * cosine + (y - low) * sine, (y - low) * cosine - (x - left) * sine];
+  const near = (at) => (Math.abs(at - Math.round(at)) < 0.02 ? [Math.round(at)] : [Math.floor(at), Math.ceil(at)]);
+  const [columns, rows] = along.map(near);
+  return columns.flatMap((u) => rows.map((v) => ({ x: left + u * cosine - v * sine, y: low + u * sine + v * cosine, theta, colour })));
+}
+
 /** Whether black or white is legible on a colour. */
 function inkOn(colour) {
   const [red, green, blue] = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
@@ -125,6 +134,7 @@ export class Stage {
     if (this.canvas.width !== wide || this.canvas.height !== high) Object.assign(this.canvas, { width: wide, height: high });
     const pen = this.canvas.getContext("2d");
     const theme = THEMES[this.dark.matches ? "dark" : "light"];
+    const { scale } = this;
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.fillStyle = theme.ground;
     pen.fillRect(0, 0, width, height);
@@ -136,7 +146,9 @@ export class Stage {
     this.at = at;
     this.walls(this.scene);
     this.target(this.scene);
-    this.paths(this.scene);
+    this.cells(this.scene);
+    for (const { way, colour } of this.scene.trails ?? []) this.way(way, colour, scale / 7);
+    for (const way of this.scene.paths ?? []) this.way(way, theme.path, scale / 18);
     this.modules(this.scene);
     this.marks(this.scene);
   }
@@ -212,15 +224,26 @@ export class Stage {
     }
   }
 
-  paths({ paths = [] }) {
-    const { pen, theme, scale } = this;
-    pen.strokeStyle = theme.path;
+  way(places, style, width) {
+    const { pen } = this;
+    pen.strokeStyle = style;
     pen.globalAlpha = 0.45;
-    pen.lineWidth = Math.max(1, scale / 18);
-    for (const path of paths) {
-      pen.beginPath();
-      path.forEach((place, index) => (index ? pen.lineTo(...this.at(place)) : pen.moveTo(...this.at(place))));
-      pen.stroke();
+    pen.lineWidth = Math.max(1, width);
+    pen.beginPath();
+    places.forEach((place, index) => (index ? pen.lineTo(...this.at(place)) : pen.moveTo(...this.at(place))));
+    pen.stroke();
+    pen.globalAlpha = 1;
+  }
+
+  /** The cells that bodies are on, in the colours of their modules. */
+  cells({ cells = [] }) {
+    const { pen, scale } = this;
+    pen.globalAlpha = 0.28;
+    for (const cell of cells) {
+      this.square(cell, scale, () => {
+        pen.fillStyle = cell.colour;
+        pen.fill();
+      });
     }
     pen.globalAlpha = 1;
   }

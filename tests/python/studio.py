@@ -34,6 +34,11 @@ def lesson(program, domain, _):
         studio.await_plan("7 of 7 spots")
         studio.browser.click("#play")
         studio.wait("the film", "return window.formationStudio.player.time > 0")
+        for part in ("trails", "cells"):
+            studio.browser.click(f"#show-{part}")
+            studio.wait(part, "return window.formationStudio.stage.scene[arguments[0]].length >= 8", part)
+        studio.browser.click("#show-paths")
+        studio.wait("no paths", "return window.formationStudio.stage.scene.paths.length === 0")
         studio.browser.click("#run")
         studio.await_stage("COMPLETE")
         say(formed=len(start_of(studio)))
