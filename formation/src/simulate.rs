@@ -189,6 +189,7 @@ mod tests {
             violations,
             reported: Vec::new(),
             transcript: Transcript::default(),
+            published: Vec::new(),
         }
     }
 

@@ -251,6 +251,7 @@ mod tests {
             violations,
             reported: Vec::new(),
             transcript: Transcript::default(),
+            published: Vec::new(),
         }
     }
 

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use formation_generate::{Apart, GenerateError, GeneratorParameters, Grouping, Random, set_apart};
 use formation_model::{
-    ModuleId, MotionMode, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
+    Message, ModuleId, MotionMode, PlanningProblem, Scenario, ScenarioError, Target,
+    TargetAnnouncement,
 };
 use formation_protocol::AgentParameters;
 use formation_verify::Violation as Breach;
@@ -15,6 +16,7 @@ use crate::cluster::{Cluster, ClusterParameters, Stores};
 use crate::faults::{CarryMoment, Fault, FaultKind, ScheduledFault, draw};
 use crate::monitor::{BrokenInvariant, Monitor};
 use crate::network::NetworkParameters;
+use crate::observation::Observation;
 use crate::obstacles::add_obstacles;
 use crate::process::AgentFactory;
 use crate::transcript::Transcript;
@@ -127,6 +129,8 @@ pub struct SeedReport {
     pub reported: Vec<Breach>,
     /// The transcript, if it was kept.
     pub transcript: Transcript,
+    /// The messages that modules published but for heartbeats, each with its time, if the transcript was kept.
+    pub published: Vec<(Duration, Message)>,
 }
 
 /// Why a run could not begin.
@@ -267,6 +271,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
         monitor: Monitor::new(cluster_parameters.agent.lease, margin),
         verifier: Verifier::new(network, parameters.fault_span, listening),
         cluster,
+        published: Vec::new(),
     };
     let quiet_from = run.apply(&faults)?;
     // Faults whose effects are detected late would make an early end a false one, so an end has to last.
@@ -290,6 +295,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
         violations: run.monitor.violations,
         reported: run.verifier.reported(),
         transcript: run.cluster.transcript().clone(),
+        published: run.published,
     })
 }
 
@@ -300,6 +306,7 @@ struct MonitoredRun<'a> {
     cluster: Cluster,
     monitor: Monitor,
     verifier: Verifier,
+    published: Vec<(Duration, Message)>,
 }
 
 impl MonitoredRun<'_> {
@@ -365,6 +372,12 @@ impl MonitoredRun<'_> {
         let observations = self.cluster.take_observations();
         for (at, observation) in &observations {
             self.verifier.observe(*at, observation, &self.cluster);
+            if self.parameters.transcripts
+                && let Observation::Published(_, message) = observation
+                && !matches!(message, Message::Heartbeat(_))
+            {
+                self.published.push((*at, message.clone()));
+            }
         }
         self.monitor.observe(observations, &self.cluster);
     }

@@ -20,6 +20,7 @@ export class Film {
     this.clock = data.clock;
     this.steps = data.steps;
     this.links = data.links;
+    this.planned = data.planned;
     this.modules = data.modules.map(({ id, track, phases }) => ({
       id, phases,
       track: track.map(([at, x, y, turn]) => [at, { ...place(x, y), theta: (-turn * Math.PI) / 180 }]),
@@ -47,7 +48,9 @@ export class Film {
       if (at > time) break;
       caption = text;
     }
-    return { modules, links, caption, paths: this.paths };
+    // Paths are those of the first plan.
+    const isPlanned = this.planned[lastBefore(this.planned, time)]?.[1] ?? false;
+    return { modules, links, caption, paths: isPlanned ? this.paths : [] };
   }
 
   /** The way of each module from the first motion up to a time. */

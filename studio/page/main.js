@@ -277,6 +277,10 @@ async function simulate() {
       return line;
     }));
     part("events-box").hidden = false;
+    films = [new Film(run.film), null];
+    player.load(films[0]);
+    part("second").hidden = true;
+    player.toggle();
   } catch (error) {
     ending.className = "bad";
     ending.textContent = error.message;

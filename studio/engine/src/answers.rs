@@ -1,7 +1,9 @@
 //! The answers.
 
 use std::sync::Arc;
+use std::time::Duration;
 
+use formation_event_log::{Entry, Recorder};
 use formation_model::{Policy, PolicyEntry, RawScenario, Scenario};
 use formation_offline::{CheckedPlan, as_in_a_file, campaign_parameters, oddities, whole_yaml};
 use formation_planner::PlanSize;
@@ -16,6 +18,9 @@ use crate::scenarios::SHIPPED;
 
 /// The moments of a figure.
 const FIGURE_PERCENTS: [u32; 4] = [0, 25, 50, 100];
+
+/// Between two poses of a module in the film of a simulated run.
+const POSE_INTERVAL: Duration = Duration::from_millis(100);
 
 /// The most modules of a simulated run: it takes some seconds with faults.
 const SIMULATED_HERE_MAX: usize = 60;
@@ -152,6 +157,12 @@ fn simulated(drawn: &Drawn, seed: u64, faults: &str) -> Result<Value, Refusal> {
         Ending::WaitingForQuorum => "waiting for a quorum",
         Ending::Neither => "neither formed nor waiting for a quorum",
     };
+    let mut recorder = Recorder::new(POSE_INTERVAL);
+    let messages = report.published.iter();
+    let course: Vec<Entry> = messages
+        .flat_map(|(at, message)| recorder.record(*at, message))
+        .collect();
+    let subject = plan.subject(scenario.name(), &course);
     let lines = report.transcript.lines().iter().map(ToString::to_string);
     let violations = report.violations.iter();
     let violations = violations.map(|one| format!("{}: {}", one.kind, one.detail));
@@ -162,6 +173,7 @@ fn simulated(drawn: &Drawn, seed: u64, faults: &str) -> Result<Value, Refusal> {
         "epochs": report.epochs,
         "violations": violations.collect::<Vec<String>>(),
         "events": lines.collect::<Vec<String>>(),
+        "film": film(&subject, &course, ending),
     }))
 }
 
@@ -234,6 +246,10 @@ singletons: [{id: 4, x: 3.0, y: 3.0}, {id: 5, x: 3.2, y: 3.0}]
         };
         let calm = run(1, "none");
         assert_eq!(calm["ending"], "formed", "{calm}");
+        let modules = calm["film"]["modules"].as_array().unwrap();
+        let ends = |module: &Value| module["phases"].as_array().unwrap().last().unwrap()[1].clone();
+        let settled = modules.iter().filter(|module| ends(module) == "SETTLED");
+        assert_eq!(settled.count(), modules.len(), "{calm}");
         let rough = run(3, "mixed");
         assert_eq!(rough["violations"], json!([]), "{rough}");
         assert_eq!(rough, run(3, "mixed"));
