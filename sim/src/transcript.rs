@@ -267,6 +267,9 @@ fn noted(event: &Event) -> Entry {
         Event::Planned { epoch, turns, .. } => {
             Entry::of("planned").epoch(*epoch).with("turns", turns)
         }
+        Event::WaitingForLease(wait) => {
+            Entry::of("waiting_for_lease").with("span_ms", wait.as_millis())
+        }
         Event::Agreed(epoch) => Entry::of("agreed").epoch(*epoch),
         Event::DigestMismatch { module, .. } => Entry::of("digest_mismatch").module(*module),
         Event::PlansDiffer(sides) => plans_differ(sides.iter().map(|(_, modules)| modules)),

@@ -7,6 +7,7 @@
     reason = "a test fails by panicking, and so do its helpers"
 )]
 
+mod agreement_model;
 mod carried;
 mod exits;
 mod faults;

@@ -61,6 +61,9 @@ pub enum Event {
     /// All members show the same digest.
     #[error("all members agree on {0}")]
     Agreed(Epoch),
+    /// All agreed, and nothing moves for this long.
+    #[error("nothing moves for {:.1} s: until then, modules that were left out may move by an earlier plan", .0.as_secs_f64())]
+    WaitingForLease(Duration),
     /// It starts to move to its spot.
     #[error("moving to {0}")]
     MotionBegun(SpotId),

@@ -56,6 +56,12 @@ pub(super) struct HeartbeatLog {
 }
 
 impl HeartbeatLog {
+    /// Whether a plan of this epoch is shown.
+    pub fn show_plan_of(&self, epoch: Epoch) -> bool {
+        let shows = |shown: HeartbeatContent| shown.epoch == Some(epoch) && shown.digest.is_some();
+        self.shown.is_some_and(shows)
+    }
+
     /// The sequence number of the first heartbeat that showed the digest of the latest; 0 without a digest.
     pub fn digest_since(&mut self, digest: Option<Digest>) -> u64 {
         let since = match (digest, self.digest_since) {

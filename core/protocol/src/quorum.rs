@@ -153,6 +153,15 @@ impl Quorum {
             .collect()
     }
 
+    /// Whether no roster of another epoch than this one is known.
+    pub fn knows_only(&self, epoch: Epoch) -> bool {
+        let agreed = self.agreed.as_ref().map(|(agreed, _)| agreed);
+        agreed
+            .into_iter()
+            .chain(self.shown.keys())
+            .all(|&known| known == epoch)
+    }
+
     /// Whether any roster is known to be agreed.
     pub fn has_agreed(&self) -> bool {
         self.agreed.is_some()

@@ -63,6 +63,8 @@ pub(crate) struct Monitor {
     margin: Duration,
     rosters: BTreeMap<Epoch, KnownRoster>,
     latest: BTreeMap<ModuleRun, Latest>,
+    /// When each run began: it may be stopped before its first heartbeat.
+    born: BTreeMap<ModuleRun, Duration>,
     /// When each member first showed the digest of a plan.
     shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
     /// The epochs of which some member had the whole plan. It may show the digest then, so the roster counts for its majorities.
@@ -202,6 +204,8 @@ impl Monitor {
             let detail = format!("{module} after {before}");
             self.violate(at, ViolationKind::EpochWentBack, detail);
         }
+        let began = at.saturating_sub(heartbeat.uptime);
+        self.born.entry(run).or_insert(began);
         let entry = self.left.entry(module).or_insert((heartbeat.epoch, at));
         if entry.0 != heartbeat.epoch {
             *entry = (heartbeat.epoch, at);

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use formation_model::text::listed_in_full;
 use formation_model::{ModuleId, ModulePhase, ModuleState};
 
 use super::{Monitor, PlanKey, ViolationKind};
@@ -41,6 +42,26 @@ impl Monitor {
         }
     }
 
+    /// Whether nobody can have been in motion by another plan: no founder's run has shown one, and what their former runs showed has
+    /// lapsed.
+    fn is_idle_before(&self, plan: PlanKey, at: Duration) -> bool {
+        let Some(known) = self.rosters.get(&plan.0) else {
+            return false;
+        };
+        let founders = &known.roster.target.founders;
+        let is_idle = |founder: &ModuleId| {
+            let member = known.roster.member(*founder);
+            let run = member.map(|member| founder.run(member.incarnation));
+            let Some(&born) = run.and_then(|run| self.born.get(&run)) else {
+                return false;
+            };
+            let others = self.shown.iter().filter(|(other, _)| **other != plan);
+            let mut shown = others.filter_map(|(_, shown)| shown.get(founder));
+            born + self.lease <= at && !shown.any(|&at| at >= born)
+        };
+        !founders.is_empty() && founders.iter().all(is_idle)
+    }
+
     /// A drive received a goal: its plan is the only one in motion, all members agreed to it long enough ago, and none has
     /// left it for long.
     pub(super) fn check_departure(
@@ -71,13 +92,11 @@ impl Monitor {
             return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
         };
         let shows = |member: &&ModuleId| shown.contains_key(member);
-        let missing = roster
-            .members
-            .iter()
-            .filter(|member| !shows(member))
-            .count();
-        if missing > 0 {
-            let detail = format!("{module} on {}; {missing} members never agreed", plan.0);
+        let missing = roster.members.iter().filter(|member| !shows(member));
+        let missing: Vec<ModuleId> = missing.copied().collect();
+        if !missing.is_empty() {
+            let missing = listed_in_full(missing);
+            let detail = format!("{module} on {}; {missing} never agreed", plan.0);
             return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
         }
         let last_shown = shown.values().max().copied();
@@ -88,6 +107,7 @@ impl Monitor {
         });
         if self.begun.insert(plan)
             && last_shown.is_some_and(|last| at + ROUNDING < last + self.lease)
+            && !self.is_idle_before(plan, at)
         {
             let detail = format!("{module} on {}", plan.0);
             self.violate(at, ViolationKind::MotionBeforeLease, detail);

@@ -21,6 +21,9 @@ pub enum Mutation {
     /// Moves as soon as all members agree.
     /// Lacks A2.
     SkipLeaseWait,
+    /// Where no member knows of an earlier plan, the first motion does not wait for what former runs have shown.
+    /// Lacks A2.
+    IgnoreRunAge,
     /// Keeps moving when members no longer show agreement.
     /// Lacks A3.
     IgnoreLapse,
@@ -96,6 +99,14 @@ impl Bugs {
     }
 
     /// The time from agreement to the first motion.
+    pub(super) fn run_age(self, age: Duration) -> Duration {
+        if self.has(Mutation::IgnoreRunAge) {
+            Duration::ZERO
+        } else {
+            age
+        }
+    }
+
     pub(super) fn lease_wait(self, lease: Duration) -> Duration {
         if self.has(Mutation::SkipLeaseWait) {
             Duration::ZERO

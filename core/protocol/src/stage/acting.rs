@@ -1,6 +1,7 @@
 //! Acting: units move, and only while every member shows agreement. Along paths (`on_paths`) they move at the same time
 //! and wait for each other's steps; in straight lines one after another.
 
+mod first_motion;
 mod off_path;
 mod on_paths;
 
@@ -53,6 +54,8 @@ pub(super) enum Task {
 pub(crate) struct Acting {
     pub held: HeldPlan,
     agreed_at: Duration,
+    /// Whether no member knew of an earlier plan, and all founders are members.
+    is_first: bool,
     /// When to look next whether all others show that they have agreed; `None` once they have.
     look_at: Option<Duration>,
     pub(super) task: Task,
@@ -84,6 +87,7 @@ impl Acting {
     /// All members show the same digest. The plan was complete here at `planned_at`.
     pub fn begin(held: HeldPlan, planned_at: Duration, context: &mut Context) -> Self {
         let (now, epoch) = (context.now, held.epoch());
+        let is_first = held.is_first(context);
         let stuck = context.parameters.stuck;
         context
             .peers
@@ -112,6 +116,7 @@ impl Acting {
         let mut acting = Self {
             held,
             agreed_at: now,
+            is_first,
             look_at: Some(now + context.parameters.heartbeat),
             task: if moves || has_steps {
                 Task::Waiting
@@ -129,6 +134,9 @@ impl Acting {
         };
         for member in acting.held.others() {
             acting.held.follow_place(member, context);
+        }
+        if moves || has_steps {
+            acting.report_wait(context);
         }
         acting
     }
@@ -292,8 +300,7 @@ impl Acting {
         if !is_moving && context.has_replaced(&self.held.roster.target) {
             return Continuation::Wait;
         }
-        // A module that the roster left out stops within the lease, since the members no longer show its epoch.
-        let first_motion = self.agreed_at + context.parameters.lease;
+        let first_motion = self.first_motion(context);
         if context.now < first_motion {
             context.wake_at(first_motion);
             return Continuation::Wait;
