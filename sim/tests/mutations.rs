@@ -66,7 +66,7 @@ fn run(mutation: Option<Mutation>, seed: u64) -> SeedReport {
 }
 
 /// Bugs that small formations show: each with the faults, the fewest and the most modules, a seed, and the violation.
-const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, [usize; 2], u64, ViolationKind); 7] = [
+const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, [usize; 2], u64, ViolationKind); 6] = [
     (
         Mutation::IgnoreDisplacedBodies,
         FaultKind::Hostile,
@@ -74,13 +74,6 @@ const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, [usize; 2], u64, Violati
         53_002_973,
         // The verifier sees bodies overlap, in a run without another violation.
         ViolationKind::FalseVerdict,
-    ),
-    (
-        Mutation::ExcludeMembersAhead,
-        FaultKind::Hostile,
-        [3, 3],
-        7_115_419,
-        ViolationKind::NoEnd,
     ),
     (
         Mutation::ForgetPinBeforeGoal,

@@ -71,10 +71,6 @@ pub enum Mutation {
     IgnoreBodies,
     /// Follows rosters that do not say where a body is on which no spot lies.
     IgnoreDisplacedBodies,
-    /// Excludes members that it considers stuck although they show a later epoch, and lets a roster count as agreed once it has
-    /// agreed itself.
-    /// Lacks M6.
-    ExcludeMembersAhead,
     /// Forgets its pin when it decides to set off, before its drive has a goal.
     ForgetPinBeforeGoal,
     /// Restarts without the bodies that its store holds.
