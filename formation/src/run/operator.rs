@@ -1,5 +1,5 @@
-//! `formation stop`, `resume`, `remove` and `retire`, which command the modules of a running formation, and `formation replay`: each is the work of
-//! another program.
+//! `formation stop`, `resume`, `remove` and `retire`, which command the modules of a running formation, and `formation replay`: each is
+//! the work of another program.
 
 use anyhow::{Context, anyhow};
 use formation_model::text::joined;

@@ -48,8 +48,8 @@ impl Acting {
         idle.map_or(by_lease, |at| by_lease.min(at.max(self.agreed_at)))
     }
 
-    /// When the run of every founder, and of the convener, is so old that what its former run showed counts for nobody any more: a lease, and what clocks and
-    /// delays may add to that. `None` while one of these runs was not heard.
+    /// When the run of every founder, and of the convener, is so old that what its former run showed counts for nobody any more: a lease,
+    /// and what clocks and delays may add to that. `None` while one of these runs was not heard.
     fn founders_are_old_at(&self, context: &Context) -> Option<Duration> {
         let age = context.parameters.lease + context.parameters.heartbeat;
         let old_at = |&founder| {
