@@ -7,11 +7,9 @@ use ros2_client::action::{
 };
 use ros2_client::action_msgs::GoalStatusArray;
 use ros2_client::builtin_interfaces::Time;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use crate::publisher_queue::{PublisherQueue, Sink};
-use crate::service::{Carried, RequestId, Served};
+use crate::service::{Carried, RequestId, Served, ServiceData};
 use crate::topic::Quality;
 
 /// An action whose goals are `G`, whose results are `R`, and whose feedback is `F`.
@@ -26,11 +24,6 @@ pub enum ActionRequest<G> {
     /// Report the result of a goal, once it has ended.
     GetResult(RequestId, GoalId),
 }
-
-/// Data that travels in an action.
-pub trait ActionData: Serialize + DeserializeOwned + Clone + 'static {}
-
-impl<T: Serialize + DeserializeOwned + Clone + 'static> ActionData for T {}
 
 /// Sends the answer to the request with this identifier.
 pub(crate) type Answer<A> = Box<dyn Fn(RequestId, A)>;
@@ -51,7 +44,7 @@ pub(crate) type OpenedAction<G, R, F> = (
 );
 
 /// Answers the clients of an action, and publishes on its goals.
-pub struct ActionServer<R: ActionData, F: ActionData> {
+pub struct ActionServer<R: ServiceData, F: ServiceData> {
     pub(crate) goal: Answer<SendGoalResponse>,
     pub(crate) cancellation: Answer<CancelGoalResponse>,
     pub(crate) result: Answer<GetResultResponse<Carried<R>>>,
@@ -60,7 +53,7 @@ pub struct ActionServer<R: ActionData, F: ActionData> {
     pub status: PublisherQueue<GoalStatusArray>,
 }
 
-impl<R: ActionData, F: ActionData> ActionServer<R, F> {
+impl<R: ServiceData, F: ServiceData> ActionServer<R, F> {
     /// Publishes feedback on a goal.
     pub fn publish_feedback(&self, goal_id: GoalId, feedback: F) {
         let feedback = Carried(feedback);

@@ -14,19 +14,17 @@ use ros2_client::action::{ActionServerQosPolicies, CancelGoalRequest, FeedbackMe
 use ros2_client::{ActionTypeName, Message, Server};
 use serde::Deserialize;
 
-use crate::action::{
-    Action, ActionData, ActionEndpoints, ActionRequest, FEEDBACK, OpenedAction, STATUS,
-};
+use crate::action::{Action, ActionEndpoints, ActionRequest, FEEDBACK, OpenedAction, STATUS};
 use crate::dds_graph::DdsGraph;
 use crate::dds_service::{Clients, SERVICE, answerable, poll_request};
 use crate::ros_context_error::{RosContextError, library_name};
-use crate::service::{Carried, RequestId};
+use crate::service::{Carried, RequestId, ServiceData};
 
 type Library<G, R, F> = ros2_client::ActionServer<Carried<G>, Carried<R>, Carried<F>>;
 
 impl DdsGraph {
     /// Serves an action under its fully qualified name.
-    pub(crate) fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
+    pub(crate) fn serve_action<G: ServiceData, R: ServiceData, F: ServiceData>(
         &mut self,
         action: &Action<G, R, F>,
         name: &str,

@@ -4,13 +4,11 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use ros2_client::{Client, ServiceTypeName};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use crate::dds_graph::DdsGraph;
 use crate::dds_service::SERVICE;
 use crate::ros_context_error::{RosContextError, library_name};
-use crate::service::{Carried, DeclaredService};
+use crate::service::{Carried, DeclaredService, ServiceData};
 
 /// Between two looks for the answer.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
@@ -31,17 +29,13 @@ impl DdsGraph {
     }
 
     /// Calls a service, whose request may arrive more than once; `None` if no answer comes within the limit.
-    pub(crate) fn call<Q, A>(
+    pub(crate) fn call<Q: ServiceData, A: ServiceData>(
         &mut self,
         service: &DeclaredService<Q, A>,
         name: &str,
         request: &Q,
         limit: Duration,
-    ) -> Result<Option<A>, RosContextError>
-    where
-        Q: Serialize + DeserializeOwned + Clone + 'static,
-        A: Serialize + DeserializeOwned + 'static,
-    {
+    ) -> Result<Option<A>, RosContextError> {
         let parsed = library_name(name)?;
         let (package, type_name) = service.type_name();
         let type_name = ServiceTypeName::new(package, type_name);

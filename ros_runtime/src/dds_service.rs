@@ -11,13 +11,11 @@ use futures::stream::{LocalBoxStream, poll_fn};
 use futures::{Stream, StreamExt};
 use ros2_client::{ReadResult, Server, ServiceTypeName, WriteResult};
 use rustdds::{DomainParticipant, RTPSEntity};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use crate::dds_graph::DdsGraph;
 use crate::matched_readers::MatchedReaders;
 use crate::ros_context_error::{RosContextError, library_name};
-use crate::service::{Call, Carried, DeclaredService, Reply, RequestId, WAITING_MAX};
+use crate::service::{Call, Carried, DeclaredService, Reply, RequestId, ServiceData, WAITING_MAX};
 use crate::topic::Quality;
 
 /// A client whose subscription to replies is not discovered within this is answered all the same.
@@ -33,15 +31,11 @@ const CLIENT_BYTES: usize = 8;
 
 impl DdsGraph {
     /// Serves a service under its fully qualified name.
-    pub(crate) fn serve<Q, A>(
+    pub(crate) fn serve<Q: ServiceData, A: ServiceData>(
         &mut self,
         service: &DeclaredService<Q, A>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
-    where
-        Q: Serialize + DeserializeOwned + Clone + 'static,
-        A: Serialize + DeserializeOwned + 'static,
-    {
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError> {
         let parsed = library_name(name)?;
         let (package, type_name) = service.type_name();
         let type_name = ServiceTypeName::new(package, type_name);

@@ -8,7 +8,7 @@ use ros2_client::ParameterValue;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::action::{Action, ActionData, OpenedAction};
+use crate::action::{Action, OpenedAction};
 use crate::arguments::NodeIdentity;
 use crate::dds_graph::DdsGraph;
 use crate::middleware::Middleware;
@@ -17,7 +17,7 @@ use crate::publisher_queue::Sink;
 use crate::raw_sample::RawSample;
 use crate::ros_context_error::RosContextError;
 use crate::security::DDS_SHORTFALL;
-use crate::service::{Call, DeclaredService};
+use crate::service::{Call, DeclaredService, ServiceData};
 use crate::service_mapping::ServiceMapping;
 use crate::settings::Settings;
 use crate::subscription::{ParticipantId, Taken};
@@ -139,17 +139,13 @@ impl Graph {
     }
 
     /// Calls a service, and waits for the answer.
-    pub(crate) fn call<Q, A>(
+    pub(crate) fn call<Q: ServiceData, A: ServiceData>(
         &mut self,
         service: &DeclaredService<Q, A>,
         name: &str,
         request: &Q,
         limit: Duration,
-    ) -> Result<Option<A>, RosContextError>
-    where
-        Q: Serialize + DeserializeOwned + Clone + 'static,
-        A: Serialize + DeserializeOwned + 'static,
-    {
+    ) -> Result<Option<A>, RosContextError> {
         match self {
             Self::Dds(graph) => graph.call(service, name, request, limit),
             #[cfg(feature = "zenoh")]
@@ -158,20 +154,16 @@ impl Graph {
     }
 
     /// Serves a service.
-    pub(crate) fn serve<Q, A>(
+    pub(crate) fn serve<Q: ServiceData, A: ServiceData>(
         &mut self,
         service: &DeclaredService<Q, A>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
-    where
-        Q: Serialize + DeserializeOwned + Clone + 'static,
-        A: Serialize + DeserializeOwned + 'static,
-    {
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError> {
         of_either!(self, graph => graph.serve(service, name))
     }
 
     /// Serves an action.
-    pub(crate) fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
+    pub(crate) fn serve_action<G: ServiceData, R: ServiceData, F: ServiceData>(
         &mut self,
         action: &Action<G, R, F>,
         name: &str,

@@ -9,7 +9,7 @@ use futures::stream::LocalBoxStream;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::action::{Action, ActionData, ActionServer, FEEDBACK, STATUS, ServedAction};
+use crate::action::{Action, ActionServer, FEEDBACK, STATUS, ServedAction};
 use crate::arguments::{NodeIdentity, RemapRules, Resource};
 use crate::graph::Graph;
 use crate::logging;
@@ -18,7 +18,7 @@ use crate::publisher_queue::{Flush, PublisherQueue, Sink};
 use crate::raw_sample::RawSample;
 use crate::ros_context_error::bad_name;
 use crate::rosout::LogLines;
-use crate::service::{Call, DeclaredService};
+use crate::service::{Call, DeclaredService, ServiceData};
 use crate::settings::Settings;
 use crate::subscription::accepted;
 use crate::topic::{Quality, Topic};
@@ -153,14 +153,10 @@ impl RosContext {
     ///
     /// # Errors
     /// The name cannot be used, or the library refuses.
-    pub fn serve<Q, A>(
+    pub fn serve<Q: ServiceData, A: ServiceData>(
         &mut self,
         service: &DeclaredService<Q, A>,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
-    where
-        Q: Serialize + DeserializeOwned + Clone + 'static,
-        A: Serialize + DeserializeOwned + 'static,
-    {
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError> {
         let name = self.resolve(Resource::Service, service.name)?;
         self.graph.serve(service, &name)
     }
@@ -178,17 +174,13 @@ impl RosContext {
     ///
     /// # Errors
     /// Over Zenoh, where this program calls no services; or the library refuses.
-    pub fn call<Q, A>(
+    pub fn call<Q: ServiceData, A: ServiceData>(
         &mut self,
         service: &DeclaredService<Q, A>,
         name: &str,
         request: &Q,
         limit: Duration,
-    ) -> Result<Option<A>, RosContextError>
-    where
-        Q: Serialize + DeserializeOwned + Clone + 'static,
-        A: Serialize + DeserializeOwned + 'static,
-    {
+    ) -> Result<Option<A>, RosContextError> {
         self.graph.call(service, name, request, limit)
     }
 
@@ -196,7 +188,7 @@ impl RosContext {
     ///
     /// # Errors
     /// The name cannot be used, or the library refuses.
-    pub fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
+    pub fn serve_action<G: ServiceData, R: ServiceData, F: ServiceData>(
         &mut self,
         action: &Action<G, R, F>,
     ) -> Result<ServedAction<G, R, F>, RosContextError> {

@@ -6,6 +6,11 @@ use ros2_client::RmwRequestId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+/// Data that travels in a service or an action.
+pub trait ServiceData: Serialize + DeserializeOwned + Clone + 'static {}
+
+impl<T: Serialize + DeserializeOwned + Clone + 'static> ServiceData for T {}
+
 /// A service or an action, in which data of the types in `T` travels.
 #[derive(Debug)]
 pub struct Served<T> {

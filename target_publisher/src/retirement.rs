@@ -51,7 +51,7 @@ pub(crate) fn ask(
     let mut refusals: BTreeMap<String, String> = BTreeMap::new();
     while stop.is_empty() && Instant::now() < deadline {
         let mut services: Vec<String> = ros.services_named(SERVICE)?.into_iter().collect();
-        services.retain(|name| name.starts_with(&namespace) && !refusals.contains_key(name));
+        services.retain(|name| is_below(name, &namespace) && !refusals.contains_key(name));
         services.sort_by_key(|name| !name.ends_with(&own_node));
         let Some(name) = services.into_iter().next() else {
             std::thread::sleep(INTERVAL);
@@ -64,6 +64,9 @@ pub(crate) fn ask(
             None => format!("no answer within {} s", ANSWER_LIMIT.as_secs()),
         };
         refusals.insert(name, refusal);
+    }
+    if !stop.is_empty() {
+        return Err(RosContextError::Failed("interrupted".to_owned()));
     }
     let asked = refusals.iter();
     let asked: Vec<String> = asked
@@ -80,4 +83,27 @@ pub(crate) fn ask(
             asked.join("; ")
         ),
     }))
+}
+
+/// Whether a service belongs to a namespace, and not to another one whose name begins alike.
+fn is_below(service: &str, namespace: &str) -> bool {
+    let rest = service.strip_prefix(namespace.trim_end_matches('/'));
+    rest.is_some_and(|rest| rest.starts_with('/'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modules_of_another_formation_are_not_asked() {
+        let service = "/formation/module_4/retire_module";
+        assert!(is_below(service, "/formation"));
+        assert!(is_below(service, "/"));
+        assert!(!is_below(
+            "/formation_2/module_4/retire_module",
+            "/formation"
+        ));
+        assert!(!is_below(service, "/formation/other"));
+    }
 }

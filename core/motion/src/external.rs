@@ -22,6 +22,9 @@ const HOLDING: Duration = Duration::from_secs(2);
 /// A pose that is further than this from where a module is to stand is no noise.
 const JUMP: MicroUnits = MicroUnits(100_000);
 
+/// The standard deviation that a driver states of its position beyond which localisation is lost, unless another one is given.
+pub const DEVIATION_LIMIT: MicroUnits = MicroUnits(100_000);
+
 /// Where a module is to stand.
 #[derive(Clone, Copy, Debug)]
 struct Holding {

@@ -10,7 +10,7 @@ mod planned;
 mod world_report;
 
 pub use differential::{TURNING_BODY_WIDTH_MAX, check_differential_drives};
-pub use external::{DriveCommand, ExternalDrive, ExternalParameters};
+pub use external::{DEVIATION_LIMIT, DriveCommand, ExternalDrive, ExternalParameters};
 pub use fault::DriveFault;
 pub use goal::{MotionGoal, MotionReport};
 pub use planned::PlannedMotion;

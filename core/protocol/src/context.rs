@@ -14,6 +14,7 @@ use formation_model::{
     RosterMember, STAMP_AHEAD_MAX, Service, SourceId, SpotId, Stop, StoreId, TargetAnnouncement,
     Voter, digest,
 };
+use formation_motion::DEVIATION_LIMIT;
 
 use bodies::Bodies;
 use removals::Removals;
@@ -32,9 +33,6 @@ use super::plans::{ComputedPlan, PlanJob};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
 use super::robot::Robot;
-
-/// Beyond what stated standard deviation localisation is lost if nothing else is said.
-const DEVIATION_LIMIT: MicroUnits = MicroUnits(100_000);
 
 /// Within what distance of a goal a drive has arrived if nothing else is said.
 const POSITION_TOLERANCE: MicroUnits = MicroUnits(20_000);

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use formation_model::MicroUnits;
-use formation_motion::ExternalParameters;
+use formation_motion::{DEVIATION_LIMIT, ExternalParameters};
 use formation_node_support::{PoseSource, micro_units};
 use ros_runtime::parameters::{Tunable, Tunables, choice, number, seconds, text};
 use ros_runtime::words::Words;
@@ -51,7 +51,7 @@ impl Default for Motion {
             frame_id: None,
             first_pose_limit: Duration::from_secs(30),
             external: ExternalParameters::default(),
-            deviation_limit: MicroUnits(100_000),
+            deviation_limit: DEVIATION_LIMIT,
         }
     }
 }

@@ -12,10 +12,10 @@ use serde::Deserialize;
 use super::ZenohGraph;
 use super::endpoints::Asked;
 use crate::action::{
-    Action, ActionData, ActionEndpoints, ActionRequest, Answer, FEEDBACK, OpenedAction, STATUS,
+    Action, ActionEndpoints, ActionRequest, Answer, FEEDBACK, OpenedAction, STATUS,
 };
 use crate::ros_context_error::RosContextError;
-use crate::service::{Carried, Reply, RequestId};
+use crate::service::{Carried, Reply, RequestId, ServiceData};
 
 /// How many requests to one service of an action can wait for their answers: more than goals can have.
 const UNANSWERED_MAX: usize = 4_096;
@@ -28,7 +28,7 @@ struct Cancellation {
 
 impl ZenohGraph {
     /// Serves an action under its fully qualified name.
-    pub(crate) fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
+    pub(crate) fn serve_action<G: ServiceData, R: ServiceData, F: ServiceData>(
         &mut self,
         action: &Action<G, R, F>,
         name: &str,

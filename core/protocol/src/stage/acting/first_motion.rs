@@ -44,7 +44,10 @@ impl Acting {
 
     fn end_of_wait(&self, context: &Context) -> Duration {
         let by_lease = self.agreed_at + context.parameters.lease;
-        let idle = self.founders_are_old_at(context).filter(|_| self.is_first);
+        if !self.is_first || context.now >= by_lease {
+            return by_lease;
+        }
+        let idle = self.founders_are_old_at(context);
         idle.map_or(by_lease, |at| by_lease.min(at.max(self.agreed_at)))
     }
 
