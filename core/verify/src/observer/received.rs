@@ -12,8 +12,8 @@ use super::record::{EpochRecord, ModuleRecord, PlannedEpoch, ReceivedRoster, ent
 use super::verdict::CollisionRisk;
 use crate::violation::{VIOLATIONS_MAX, Violation};
 use formation_model::{
-    Epoch, Incarnation, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, Pose,
-    RosterMessage, TargetAnnouncement,
+    BodyReport, Epoch, Incarnation, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, Pose,
+    RosterMember, RosterMessage, TargetAnnouncement,
 };
 
 /// The greatest number of epochs that are kept.
@@ -179,7 +179,31 @@ impl Received {
     pub(super) fn newest(&self) -> Option<PlannedEpoch<'_>> {
         let epochs = self.epochs.iter().rev();
         let mut planned = epochs.filter_map(|(&epoch, record)| record.planned(epoch));
-        planned.find(|planned| !planned.is_past(&self.modules))
+        planned.find(|planned| !planned.is_past(&self.modules) && !self.is_forgotten(planned))
+    }
+
+    /// Whether the roster of an earlier epoch knows of a later run of the convener: all that may plan have forgotten the later epoch.
+    fn is_forgotten(&self, planned: &PlannedEpoch<'_>) -> bool {
+        let convener = planned.epoch.convener;
+        let run = planned
+            .members()
+            .iter()
+            .find(|member| member.module.id == convener);
+        let run = run.map(RosterMember::run);
+        let Some((run, record)) = run.zip(self.modules.get(&convener)) else {
+            return false;
+        };
+        let earlier = self.epochs.range(..planned.epoch);
+        let rosters = earlier.filter_map(|(_, record)| record.roster.as_ref());
+        rosters.map(|received| &received.roster).any(|roster| {
+            let members = roster.members.iter().map(RosterMember::run);
+            let bodies = roster.bodies.iter().map(BodyReport::run);
+            let mut known = members.chain(bodies).filter(|one| one.module == convener);
+            known.any(|one| {
+                let order = record.compare_runs(one.incarnation, run.incarnation);
+                order.is_gt()
+            })
+        })
     }
 
     /// The newest epoch that can be planned for, if it plans for the target in force.

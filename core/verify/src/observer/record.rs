@@ -116,7 +116,7 @@ impl ModuleRecord {
 
     /// Which of two runs is the later one: that of the higher number, unless its last heartbeat came before the first message of the
     /// other one, as where a clock was set back in between.
-    fn compare_runs(&self, one: Incarnation, other: Incarnation) -> Ordering {
+    pub(super) fn compare_runs(&self, one: Incarnation, other: Incarnation) -> Ordering {
         let by_number = one.cmp(&other);
         let (higher, lower) = (one.max(other), one.min(other));
         let (Some(higher), Some(lower)) = (self.runs.get(&higher), self.runs.get(&lower)) else {
