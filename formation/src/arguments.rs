@@ -44,8 +44,7 @@ pub use plan::PlanArguments;
 pub use replay::ReplayArguments;
 pub use studio::StudioArguments;
 
-/// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
-/// them changes; and each of them handles every message.
+/// The most modules in one process: a sample carries the states of all of them, and each of them handles every message.
 pub const MODULES_PER_PROCESS_MAX: usize = 100;
 
 /// Forms a target configuration out of robot modules over DDS or Zenoh.
@@ -91,9 +90,7 @@ pub enum FormationCommand {
     Run(Box<RunArguments>),
     /// Show a formation that runs elsewhere, until its verdict; changes nothing.
     Watch(WatchArguments),
-    /// Draw scenarios, run them and watch them in a browser on this machine: serves a page, and prints its address.
-    ///
-    /// The page runs at most one scenario at a time, whose processes end with this program. Whoever knows the address can use it.
+    /// Draw scenarios, run them and watch them in a browser on this machine: serves a page, and prints its address. It runs one at a time.
     Studio(StudioArguments),
     /// Halt all modules of a running formation until `formation resume`; restarts do not end the stop.
     Stop(FormationSelector),
@@ -101,9 +98,12 @@ pub enum FormationCommand {
     Resume(FormationSelector),
     /// Report that the robots of dead modules were taken away, so that they no longer block spots.
     Remove {
-        /// The modules, whose processes have ended.
+        /// The modules.
         #[arg(required = true, value_name = "ID")]
         modules: Vec<u32>,
+        /// Take their votes for good: if one of them runs on behind a cut, two formations may move.
+        #[arg(long)]
+        vote_too: bool,
         #[command(flatten)]
         network: FormationSelector,
     },

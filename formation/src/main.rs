@@ -60,9 +60,11 @@ fn main() -> ExitCode {
         FormationCommand::Resume(network) => {
             operator::give(&network, &[operator::RESUME.to_owned()])
         }
-        FormationCommand::Remove { modules, network } => {
-            operator::give(&network, &operator::removal(&modules))
-        }
+        FormationCommand::Remove {
+            modules,
+            vote_too,
+            network,
+        } => operator::give(&network, &operator::removal(&modules, vote_too)),
         FormationCommand::Retire {
             module,
             rejoin,

@@ -212,7 +212,7 @@ fn every_process_is_started_with_its_arguments_and_stopped_in_the_end() {
         .collect();
     modules.sort_unstable();
     assert!(modules[0].starts_with("7 ") && modules[1].starts_with("8 "));
-    assert!(started[2].2.contains("--expected-modules 2 --founders 7,8"));
+    assert!(started[2].2.contains("--expected-modules 2 --voters 7-8"));
     let printed = format!("session {session}\n");
     assert!(finished.stderr.contains(&printed), "{}", finished.stderr);
     let stores = state_dir_of(&started[0].2);

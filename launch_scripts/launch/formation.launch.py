@@ -113,10 +113,10 @@ def launch_setup(context):
         node(program, name, [*hosted, *scenario, *motion, *memory])
         for program, name, hosted in processes(modules, leaders, modules_per_process)
     ]
-    # With stores more than half of the founders suffice, and without them all would be needed.
-    founders = ["--founders", ",".join(str(module) for module in modules)] if memory else []
+    # Without files nobody remembers anything after a restart, and named voters would all be needed.
+    voters = ["--voters", ",".join(str(module) for module in modules)] if memory else []
     publisher = node(
-        "target_publisher", "target_publisher", [*scenario, "--expected-modules", str(len(modules)), *founders]
+        "target_publisher", "target_publisher", [*scenario, "--expected-modules", str(len(modules)), *voters]
     )
     # Drivers speak with their modules over topics of each module, of which a recorder takes those of 100.
     driven = value["motion"] == "external"

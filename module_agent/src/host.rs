@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use formation_model::{
     DockingAction, EvictionNotice, Heartbeat, Message, ModuleId, ModulePhase, ModuleState, Pose,
-    RosterMessage, Service, SourceId, SpotClaim, StoreId,
+    RosterMessage, Service, SourceId, SpotClaim,
 };
 use formation_motion::DriveCommand;
 use formation_node_support::{stamp, topics};
@@ -83,6 +83,8 @@ pub(crate) struct Host {
     source: SourceId,
     parameters: AgentParameters,
     motion: Motion,
+    /// The voters of the session; empty if a target is to name them.
+    voters: Vec<ModuleId>,
     /// How many modules can be hosted.
     room: usize,
     modules: Vec<Hosted>,
@@ -100,13 +102,14 @@ pub(crate) struct Host {
 }
 
 impl Host {
-    /// Hosts an agent for each module, started at time zero in or out of service; `source` is the participant that
-    /// publishes for them. Each continues from what `memory` has of it.
+    /// Hosts an agent for each module, started at time zero in or out of service, for which `source` publishes. Each continues from what
+    /// `memory` has of it.
     pub(crate) fn new(
         source: SourceId,
         modules: impl IntoIterator<Item = (Identity, Service)>,
         parameters: AgentParameters,
         motion: &Motion,
+        voters: &[ModuleId],
         memory: KeptMemory,
     ) -> Self {
         let (journal, mut earlier) = match memory {
@@ -117,6 +120,7 @@ impl Host {
             source,
             parameters,
             motion: motion.clone(),
+            voters: voters.to_vec(),
             room: 0,
             modules: Vec::new(),
             plans: SharedPlans::default(),
@@ -148,16 +152,15 @@ impl Host {
             .with_deviation_limit(self.motion.deviation_limit)
             .started_at(stamp::incarnation().0)
             .published_by(self.source)
+            .with_voters(&self.voters)
             .with_plans_of_host()
             .with_shared_samples();
         if self.motion.mode == DriveMode::External {
             agent = agent.of_robot();
         }
-        if let Some(journal) = &self.journal {
-            agent = agent.restored(journal.state_of(identity.module));
-        } else if let Some(earlier) = earlier {
-            agent = agent.restored(Some(earlier));
-        }
+        let journal = self.journal.as_ref();
+        let stored = journal.and_then(|journal| journal.state_of(identity.module));
+        agent = agent.restored(stored.or(earlier));
         self.modules.push(Hosted {
             drive: Drive::new(&identity, &self.motion, self.parameters.lease),
             identity,
@@ -248,11 +251,8 @@ impl Host {
     /// The hosted modules as they are now, for a host that takes them over.
     pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
         let modules = self.modules.iter().map(|hosted| {
-            let incarnation = hosted.agent.run().incarnation;
-            let store = hosted.identity.store;
             let identity = Identity {
-                incarnation,
-                store: store.or_else(|| StoreId::of_process(incarnation)),
+                incarnation: hosted.agent.run().incarnation,
                 pose: hosted.agent.pose(),
                 links: hosted.agent.links().clone(),
                 ..hosted.identity.clone()

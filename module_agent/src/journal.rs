@@ -63,14 +63,15 @@ pub(crate) struct Journal {
 
 impl Journal {
     /// Opens the store of a process with these modules. Those that have a store continue where it left them, after their
-    /// last incarnation; those that were added by request are hosted again.
+    /// last incarnation; those that were added by request are hosted again. In a new session those without a state have forgotten
+    /// nothing.
     ///
     /// # Errors
     /// Names the file that cannot be used, and what to do.
     pub(crate) fn open(
         directory: &Path,
         name: &str,
-        session: u32,
+        (session, is_new): (u32, bool),
         modules: &mut Vec<(Identity, Service)>,
     ) -> Result<Self, String> {
         let named = modules.iter().map(|(identity, _)| identity.module);
@@ -94,31 +95,30 @@ impl Journal {
             }
         }
         for (identity, _) in modules {
-            journal.restore(identity)?;
+            journal.restore(identity);
+            identity.is_first_run = is_new && journal.state_of(identity.module).is_none();
         }
         Ok(journal)
     }
 
     /// Gives a module that the process hosts from its start a store, an incarnation after the last, and the body that it had.
-    fn restore(&mut self, identity: &mut Identity) -> Result<(), String> {
+    fn restore(&mut self, identity: &mut Identity) {
         let Some(entry) = self.contents.modules.get(&identity.module) else {
             return self.create(identity, false);
         };
-        identity.store = Some(entry.store);
+        identity.has_store = true;
         let next = Incarnation(entry.incarnation.0.saturating_add(1));
         identity.incarnation = identity.incarnation.max(next);
         if let Some(state) = &entry.state {
             identity.pose = state.pose;
             identity.links.clone_from(&state.links);
         }
-        Ok(())
     }
 
-    fn create(&mut self, identity: &mut Identity, added: bool) -> Result<(), String> {
-        let entry = Entry::empty(identity.incarnation, added)?;
-        identity.store = Some(entry.store);
+    fn create(&mut self, identity: &mut Identity, added: bool) {
+        let entry = Entry::empty(identity.incarnation, added);
+        identity.has_store = true;
         self.contents.modules.insert(identity.module, entry);
-        Ok(())
     }
 
     /// Writes the incarnations of modules that begin a run, and returns when they are on disk: a run sends no message
@@ -164,7 +164,8 @@ impl Journal {
                 identity.module
             ));
         }
-        self.create(identity, true)
+        self.create(identity, true);
+        Ok(())
     }
 
     /// Takes in what the agent of a run gives to its store under this number.

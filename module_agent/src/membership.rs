@@ -154,6 +154,7 @@ mod tests {
             modules,
             parameters,
             motion,
+            &[],
             KeptMemory::default(),
         );
         host.advance(NOW);
@@ -215,7 +216,8 @@ mod tests {
     fn a_module_that_is_live_elsewhere_is_not_added_until_it_is_silent() {
         let mut host = host(&Motion::default());
         let heartbeat = Heartbeat {
-            store: None,
+            knows: true,
+            voters: 0,
             module: ModuleId(9),
             incarnation: Incarnation(7),
             sequence: 1,
@@ -267,6 +269,7 @@ mod tests {
             host.modules(),
             parameters,
             &motion,
+            &[],
             KeptMemory::default(),
         );
         assert_eq!(service_of(&next, 4), Some(InService::Retired));

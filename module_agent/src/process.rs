@@ -106,6 +106,10 @@ impl ModuleProcess {
                 .check_for_robots()
                 .map_err(RosContextError::BadInput)?;
         }
+        let options = self.memory.clone().read(parameters.values())?;
+        let voters = options
+            .checked_voters()
+            .map_err(RosContextError::BadInput)?;
         self.begin_runs(name, parameters.values(), modules, memory)?;
         let mut ros = RosContext::join(&self.settings, name, parameters)?;
         let mut inputs = Inputs::default();
@@ -143,7 +147,14 @@ impl ModuleProcess {
             start,
             clock_zero: started + start,
             publishers,
-            host: Host::new(source, starting, timing.0, &motion, std::mem::take(memory)),
+            host: Host::new(
+                source,
+                starting,
+                timing.0,
+                &motion,
+                &voters,
+                std::mem::take(memory),
+            ),
             workers,
             removals: Requests::default(),
             replays: Replays::default(),
@@ -174,12 +185,14 @@ impl ModuleProcess {
         modules: &mut Vec<(Identity, Service)>,
         memory: &mut KeptMemory,
     ) -> Result<(), RosContextError> {
-        let Some(directory) = self.memory.clone().read(values)?.state_dir else {
+        let options = self.memory.clone().read(values)?;
+        let Some(directory) = options.state_dir else {
             return Ok(());
         };
         if let KeptMemory::Process(_) = memory {
             let session = NodeParameters::default().read(values)?.session;
             let session = session.unwrap_or_default();
+            let session = (session, options.new_session);
             let opened = Journal::open(Path::new(&directory), name, session, modules);
             *memory = KeptMemory::File(opened.map_err(RosContextError::BadInput)?);
         }

@@ -18,14 +18,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use formation_model::text::listed_in_full;
-use formation_model::{BodyReport, Incarnation, ModuleId, QuorumBasis, StoreId};
+use formation_model::{BodyReport, Incarnation, ModuleId, Voters};
 use formation_protocol::DurableState;
 use serde::{Deserialize, Serialize};
 
 /// The format that this version writes, and the only one that it reads.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
-/// A larger file is refused: a quorum basis of 1,000 modules takes some 80 kB.
+/// A larger file is refused.
 const FILE_BYTES_MAX: u64 = 256 << 20;
 
 /// What a file holds.
@@ -45,33 +45,26 @@ struct Packed {
     modules: BTreeMap<ModuleId, PackedEntry>,
 }
 
-/// An entry whose state lacks what the shared file has, with the position in [`Shared::known`].
+/// An entry whose state lacks what the shared file has, with the position in [`Shared::voters`].
 #[derive(Serialize, Deserialize)]
 struct PackedEntry {
     entry: Entry,
-    known: Option<usize>,
+    voters: Option<usize>,
 }
 
 /// What the modules of a process know of all others, once for all of them: otherwise it would grow with the modules of the process
 /// times those of the formation.
 #[derive(Default, Serialize, Deserialize)]
 struct Shared {
-    known: Vec<Known>,
+    voters: Vec<Voters>,
     /// The latest report on each body that any of the modules knows.
     bodies: BTreeMap<ModuleId, BodyReport>,
-}
-
-/// What the rule of majorities rests on. Modules of one process may know of different rosters.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Known {
-    founders: Vec<ModuleId>,
-    quorum_bases: Vec<QuorumBasis>,
 }
 
 /// What makes up the shared file that was written last.
 #[derive(Default, PartialEq)]
 struct SharedParts {
-    known: Vec<Known>,
+    voters: Vec<Voters>,
     bodies: Vec<Arc<[BodyReport]>>,
 }
 
@@ -81,24 +74,21 @@ impl SharedParts {
         let mut parts = Self::default();
         let pack = |(&module, entry): (&ModuleId, &Entry)| {
             let mut entry = entry.clone();
-            let known = entry.state.as_mut().map(|state| parts.take(state));
-            (module, PackedEntry { entry, known })
+            let voters = entry.state.as_mut().map(|state| parts.take(state));
+            (module, PackedEntry { entry, voters })
         };
         let packed = modules.iter().map(pack).collect();
         (parts, packed)
     }
 
-    /// Takes its part out of a state; returns its position in `known`.
+    /// Takes its part out of a state; returns its position in `voters`.
     fn take(&mut self, state: &mut DurableState) -> usize {
         self.bodies.push(std::mem::take(&mut state.bodies));
-        let known = Known {
-            founders: std::mem::take(&mut state.founders),
-            quorum_bases: std::mem::take(&mut state.quorum_bases),
-        };
-        let position = self.known.iter().position(|other| *other == known);
+        let voters = std::mem::take(&mut state.voters);
+        let position = self.voters.iter().position(|other| *other == voters);
         position.unwrap_or_else(|| {
-            self.known.push(known);
-            self.known.len() - 1
+            self.voters.push(voters);
+            self.voters.len() - 1
         })
     }
 
@@ -111,7 +101,7 @@ impl SharedParts {
             }
         }
         Shared {
-            known: self.known.clone(),
+            voters: self.voters.clone(),
             bodies,
         }
     }
@@ -120,11 +110,9 @@ impl SharedParts {
 impl Packed {
     /// The contents; `None` if the shared file lacks what an entry names.
     fn unpacked(self, shared: &Shared) -> Option<Contents> {
-        let unpacked = |(module, PackedEntry { mut entry, known })| {
+        let unpacked = |(module, PackedEntry { mut entry, voters })| {
             if let Some(state) = &mut entry.state {
-                let known = shared.known.get(known?)?;
-                state.founders.clone_from(&known.founders);
-                state.quorum_bases.clone_from(&known.quorum_bases);
+                state.voters.clone_from(shared.voters.get(voters?)?);
                 let others = shared.bodies.values();
                 let others = others.filter(|body| body.module != module);
                 state.bodies = others.cloned().collect();
@@ -142,8 +130,6 @@ impl Packed {
 /// What a file holds of one module.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Entry {
-    /// Drawn at random when the module had no entry.
-    pub store: StoreId,
     /// Its latest run.
     pub incarnation: Incarnation,
     /// Whether it was added by request, and not named by the arguments of the process.
@@ -154,18 +140,12 @@ pub(crate) struct Entry {
 
 impl Entry {
     /// The entry of a module that never took part in the session.
-    ///
-    /// # Errors
-    /// The operating system gives no random number.
-    pub(crate) fn empty(incarnation: Incarnation, added: bool) -> Result<Self, String> {
-        let random = getrandom::u64()
-            .map_err(|error| format!("cannot draw the identifier of a store: {error}"))?;
-        Ok(Self {
-            store: StoreId(std::num::NonZeroU64::MIN | random),
+    pub(crate) fn empty(incarnation: Incarnation, added: bool) -> Self {
+        Self {
             incarnation,
             added,
             state: None,
-        })
+        }
     }
 }
 
@@ -259,7 +239,7 @@ impl Store {
             }
             let text = text_of(&path)?.unwrap_or_default();
             let shared = checked(&text).ok().map(serde_json::from_slice::<Shared>);
-            let is_empty = |shared: &Shared| shared.known.is_empty() && shared.bodies.is_empty();
+            let is_empty = |shared: &Shared| shared.voters.is_empty() && shared.bodies.is_empty();
             if !shared.is_some_and(|shared| shared.is_ok_and(|shared| is_empty(&shared))) {
                 return Err(format!(
                     "{}: is missing, and {other} shows that these modules have agreed on something; restore it, or \

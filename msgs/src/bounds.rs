@@ -2,7 +2,7 @@
 
 use formation_model::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT, POLYLINE_POSES_MAX};
 pub use formation_model::{
-    EDGES_MAX, LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX, OBSTACLES_MAX, QUORUM_BASES_MAX, SPOTS_MAX,
+    EDGES_MAX, LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX, OBSTACLES_MAX, SPOTS_MAX,
 };
 
 /// The greatest magnitude of a coordinate, in micro-units.

@@ -7,7 +7,7 @@ use formation_model::{
     Digest, Epoch, MicroUnits, ModuleId, ModuleSize, NO_ID, Pose, PoseError, TURNS_MAX,
 };
 
-use crate::bounds::{COORDINATE_LIMIT_MICRO, LINKS_MAX, NAME_BYTES_MAX};
+use crate::bounds::{COORDINATE_LIMIT_MICRO, LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX};
 use crate::error::{Fault, MessageError};
 
 /// A fault and the path of its field, while the topic is not yet known.
@@ -208,7 +208,7 @@ pub(crate) fn entries<R, T>(
 }
 
 /// The version of the protocol that this library speaks. It rises when modules of two builds could not agree on a plan.
-pub const PROTOCOL_VERSION: u32 = 6;
+pub const PROTOCOL_VERSION: u32 = 7;
 
 /// The version of the protocol of a message.
 /// Enforces C6.
@@ -237,4 +237,9 @@ pub(crate) fn module_ids(field: &str, raw: &[u32], limit: usize) -> Checked<Vec<
     let modules = entries(field, raw, limit, |&raw_id| id("", raw_id, ModuleId))?;
     ascending(field, modules.iter().copied())?;
     Ok(modules)
+}
+
+/// As many modules as a formation may have, in ascending order.
+pub(crate) fn modules(field: &str, raw: &[u32]) -> Checked<BTreeSet<ModuleId>> {
+    Ok(module_ids(field, raw, MODULES_MAX)?.into_iter().collect())
 }

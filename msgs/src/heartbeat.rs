@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
-use crate::epoch::{Epoch, store, store_to_wire};
+use crate::epoch::Epoch;
 use crate::module_state::{phase_from_wire, phase_to_wire};
 use crate::operator::Stop;
 use crate::standard::Duration;
@@ -18,7 +18,8 @@ use crate::standard::Duration;
 pub struct ModuleHeartbeat {
     pub module_id: u32,
     pub incarnation: u64,
-    pub store: u64,
+    pub knows: bool,
+    pub voters_digest: u64,
     pub sequence: u64,
     pub uptime: Duration,
     pub epoch: Epoch,
@@ -45,7 +46,8 @@ impl From<&model::Heartbeat> for ModuleHeartbeat {
         Self {
             module_id: heartbeat.module.0,
             incarnation: heartbeat.incarnation.0,
-            store: store_to_wire(heartbeat.store),
+            knows: heartbeat.knows,
+            voters_digest: heartbeat.voters,
             sequence: heartbeat.sequence,
             uptime: heartbeat.uptime.into(),
             epoch: heartbeat.epoch.as_ref().into(),
@@ -81,7 +83,8 @@ impl ModuleHeartbeat {
         Ok(model::Heartbeat {
             module,
             incarnation: Incarnation(self.incarnation),
-            store: store(self.store),
+            knows: self.knows,
+            voters: self.voters_digest,
             sequence: self.sequence,
             uptime: self.uptime.validated("uptime")?,
             epoch,

@@ -137,7 +137,6 @@ macro_rules! interfaces {
                 PlannerParameters;
                 PolicyOption;
                 Progress;
-                QuorumBasis;
                 Removal;
                 Roster => model::RosterMessage, ROSTER, with_lengths;
                 RosterMember;
@@ -197,7 +196,7 @@ pub use check::PROTOCOL_VERSION;
 pub use claim::{Eviction, EvictionRecord, SpotClaim, SpotSelection};
 pub use docking::{DockingRequest, DockingResult};
 pub use driver_pose::DriverPose;
-pub use epoch::{Epoch, QuorumBasis};
+pub use epoch::Epoch;
 pub use error::{Fault, MessageError};
 pub use form_configuration::{
     FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult,

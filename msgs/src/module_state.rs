@@ -14,7 +14,7 @@ use crate::NONE;
 use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
-use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
+use crate::epoch::Epoch;
 use crate::operator::{Removal, removals};
 use crate::standard::{Header, Time};
 
@@ -30,7 +30,8 @@ pub struct CausalMark {
 pub struct ModuleState {
     pub module_id: u32,
     pub incarnation: u64,
-    pub store: u64,
+    pub knows: bool,
+    pub is_idle: bool,
     pub sequence: u64,
     pub epoch: Epoch,
     pub has_digest: bool,
@@ -52,7 +53,8 @@ pub struct ModuleState {
     pub settled_since: u64,
     pub waited_for: Vec<CausalMark>,
     pub agreed_on: Vec<CausalMark>,
-    pub quorum_bases: Vec<QuorumBasis>,
+    pub removed_voters: Vec<u32>,
+    pub listed_voters: Vec<u32>,
     pub bodies: Vec<Body>,
     pub proposed_removals: Vec<Removal>,
     pub refuted_removals: Vec<Removal>,
@@ -134,7 +136,8 @@ impl ModuleState {
         Self {
             module_id: state.module.0,
             incarnation: state.incarnation.0,
-            store: store_to_wire(state.store),
+            knows: state.knows,
+            is_idle: state.is_idle,
             sequence: state.sequence,
             epoch: state.epoch.as_ref().into(),
             has_digest: state.digest.is_some(),
@@ -156,7 +159,8 @@ impl ModuleState {
             settled_since: state.settled_since,
             waited_for: state.waited_for.iter().map(CausalMark::from).collect(),
             agreed_on: state.agreed_on.iter().map(CausalMark::from).collect(),
-            quorum_bases: state.quorum_bases.iter().map(QuorumBasis::from).collect(),
+            removed_voters: state.removed_voters.iter().map(|id| id.0).collect(),
+            listed_voters: state.listed_voters.iter().map(|id| id.0).collect(),
             bodies: state.bodies.iter().map(Body::from).collect(),
             proposed_removals: state.proposed_removals.iter().map(Removal::from).collect(),
             refuted_removals: state.refuted_removals.iter().map(Removal::from).collect(),
@@ -185,7 +189,8 @@ impl ModuleState {
         Ok(model::ModuleState {
             module,
             incarnation: Incarnation(self.incarnation),
-            store: store(self.store),
+            knows: self.knows,
+            is_idle: self.is_idle,
             sequence: self.sequence,
             epoch,
             digest: check::digest(epoch, self.has_digest, self.digest)?,
@@ -203,10 +208,14 @@ impl ModuleState {
             settled_since: self.settled_since,
             waited_for: marks("waited_for", &self.waited_for)?,
             agreed_on: marks("agreed_on", &self.agreed_on)?,
-            quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
+            removed_voters: check::modules("removed_voters", &self.removed_voters)?,
+            listed_voters: check::modules("listed_voters", &self.listed_voters)?,
             bodies: bodies("bodies", &self.bodies)?,
             proposed_removals: removals("proposed_removals", &self.proposed_removals)?,
-            refuted_removals: removals("refuted_removals", &self.refuted_removals)?,
+            refuted_removals: removals("refuted_removals", &self.refuted_removals)?
+                .into_iter()
+                .map(|removal| removal.run)
+                .collect(),
         })
     }
 }

@@ -38,6 +38,7 @@ impl Stop {
 pub struct Removal {
     pub module_id: u32,
     pub incarnation: u64,
+    pub takes_vote: bool,
 }
 
 impl From<&ModuleRun> for Removal {
@@ -45,28 +46,41 @@ impl From<&ModuleRun> for Removal {
         Self {
             module_id: run.module.0,
             incarnation: run.incarnation.0,
+            takes_vote: false,
+        }
+    }
+}
+
+impl From<&model::Removal> for Removal {
+    fn from(removal: &model::Removal) -> Self {
+        Self {
+            takes_vote: removal.takes_vote,
+            ..Self::from(&removal.run)
         }
     }
 }
 
 impl Removal {
     /// Enforces B5.
-    fn validated(&self) -> Checked<ModuleRun> {
+    fn validated(&self) -> Checked<model::Removal> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         // Whoever reports a removal knows which run is gone; a receiver behind a cut does not.
         if self.incarnation == 0 {
             let reason = "0 names no run; give the incarnation that heartbeats or a roster showed";
             return Err(FieldError::contradiction("incarnation", reason));
         }
-        Ok(module.run(Incarnation(self.incarnation)))
+        Ok(model::Removal {
+            run: module.run(Incarnation(self.incarnation)),
+            takes_vote: self.takes_vote,
+        })
     }
 }
 
-/// The runs of distinct modules, ascending.
-pub(crate) fn removals(field: &str, raw: &[Removal]) -> Checked<Vec<ModuleRun>> {
-    let runs = check::entries(field, raw, MODULES_MAX, Removal::validated)?;
-    check::ascending(field, runs.iter().map(|run| run.module))?;
-    Ok(runs)
+/// The removals of distinct modules, ascending.
+pub(crate) fn removals(field: &str, raw: &[Removal]) -> Checked<Vec<model::Removal>> {
+    let removals = check::entries(field, raw, MODULES_MAX, Removal::validated)?;
+    check::ascending(field, removals.iter().map(|removal| removal.run.module))?;
+    Ok(removals)
 }
 
 /// See `OperatorCommand.msg`.
@@ -82,7 +96,10 @@ pub struct OperatorCommand {
 impl OperatorCommand {
     /// A sample with these commands, for every session.
     #[must_use]
-    pub fn new<'a>(stop: model::Stop, removals: impl IntoIterator<Item = &'a ModuleRun>) -> Self {
+    pub fn new<'a>(
+        stop: model::Stop,
+        removals: impl IntoIterator<Item = &'a model::Removal>,
+    ) -> Self {
         Self {
             protocol_version: PROTOCOL_VERSION,
             session: 0,
@@ -96,7 +113,7 @@ impl OperatorCommand {
         check::version(self.protocol_version)?;
         let validate = Removal::validated;
         let removals = check::entries("removals", &self.removals, MODULES_MAX, validate)?;
-        let modules = removals.iter().map(|run| run.module);
+        let modules = removals.iter().map(|removal| removal.run.module);
         check::distinct("removals", modules)?;
         let stop = Some(self.stop.to_core()).filter(|stop| stop.revision > 0);
         let stop = stop.into_iter().map(Message::Stop);

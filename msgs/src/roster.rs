@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use formation_model::{
     self as model, ClosedRoster, ConfigurationId, Digest, Incarnation, ModuleId, ModuleSize,
-    PlanningModule, Pose, RosterMessage, SpotId, Timing,
+    PlanningModule, Pose, RosterMessage, SpotId, Timing, Voters,
 };
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ use crate::NONE;
 use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
-use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
+use crate::epoch::Epoch;
 use crate::module_state::{service_from_wire, service_to_wire};
 use crate::standard::Duration;
 use crate::target::TargetConfiguration;
@@ -24,7 +24,8 @@ use crate::target::TargetConfiguration;
 pub struct RosterMember {
     pub module_id: u32,
     pub incarnation: u64,
-    pub store: u64,
+    pub knows: bool,
+    pub is_idle: bool,
     pub service: u8,
     pub x_micro: i64,
     pub y_micro: i64,
@@ -46,7 +47,9 @@ pub struct Roster {
     pub target_digest: u64,
     pub target: TargetConfiguration,
     pub members: Vec<RosterMember>,
-    pub quorum_bases: Vec<QuorumBasis>,
+    pub voters: Vec<u32>,
+    pub removed_voters: Vec<u32>,
+    pub listed_voters: Vec<u32>,
     pub bodies: Vec<Body>,
     pub heartbeat: Duration,
     pub suspicion: Duration,
@@ -68,7 +71,8 @@ impl From<&model::RosterMember> for RosterMember {
         Self {
             module_id: module.id.0,
             incarnation: member.incarnation.0,
-            store: store_to_wire(member.store),
+            knows: member.knows,
+            is_idle: member.is_idle,
             service: service_to_wire(member.service),
             x_micro: module.pose.x.0,
             y_micro: module.pose.y.0,
@@ -86,7 +90,8 @@ impl RosterMember {
         let id = check::id("module_id", self.module_id, ModuleId)?;
         Ok(model::RosterMember {
             incarnation: Incarnation(self.incarnation),
-            store: store(self.store),
+            knows: self.knows,
+            is_idle: self.is_idle,
             service: service_from_wire(self.service)?,
             module: PlanningModule {
                 id,
@@ -115,7 +120,9 @@ impl Roster {
             target_digest: 0,
             target: TargetConfiguration::new(&roster.target, size),
             members: roster.members.iter().map(RosterMember::from).collect(),
-            quorum_bases: roster.quorum_bases.iter().map(QuorumBasis::from).collect(),
+            voters: roster.voters.named.iter().map(|id| id.0).collect(),
+            removed_voters: roster.voters.removed.iter().map(|id| id.0).collect(),
+            listed_voters: roster.voters.listed.iter().map(|id| id.0).collect(),
             bodies: roster.bodies.iter().map(Body::from).collect(),
             heartbeat: roster.timing.heartbeat.into(),
             suspicion: roster.timing.suspicion.into(),
@@ -159,7 +166,9 @@ impl Roster {
             ("target.spots", self.target.spots.len()),
             ("target.edges", self.target.edges.len()),
             ("members", self.members.len()),
-            ("quorum_bases", self.quorum_bases.len()),
+            ("voters", self.voters.len()),
+            ("removed_voters", self.removed_voters.len()),
+            ("listed_voters", self.listed_voters.len()),
             ("bodies", self.bodies.len()),
         ];
         check::empty(&lists, "must be empty while the epoch gathers")?;
@@ -192,7 +201,11 @@ impl Roster {
             epoch,
             target,
             members,
-            quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
+            voters: Voters {
+                named: check::module_ids("voters", &self.voters, MODULES_MAX)?,
+                removed: check::modules("removed_voters", &self.removed_voters)?,
+                listed: check::modules("listed_voters", &self.listed_voters)?,
+            },
             bodies: bodies("bodies", &self.bodies)?,
             timing: Timing {
                 heartbeat: self.heartbeat.validated("heartbeat")?,

@@ -77,7 +77,7 @@ pub struct TargetConfiguration {
     pub name: String,
     pub withdrawn: bool,
     pub expected_modules: u32,
-    pub founders: Vec<u32>,
+    pub voters: Vec<u32>,
     pub spots: Vec<Spot>,
     pub edges: Vec<Edge>,
     pub planner: PlannerParameters,
@@ -101,7 +101,7 @@ impl Default for TargetConfiguration {
             name: String::new(),
             withdrawn: false,
             expected_modules: 0,
-            founders: Vec::new(),
+            voters: Vec::new(),
             spots: Vec::new(),
             edges: Vec::new(),
             planner: PlannerParameters::default(),
@@ -310,7 +310,7 @@ impl TargetConfiguration {
             name: announcement.name.clone(),
             withdrawn: target.is_none(),
             expected_modules: announcement.expected_modules.unwrap_or(0),
-            founders: announcement.founders.iter().map(|id| id.0).collect(),
+            voters: announcement.voters.iter().map(|id| id.0).collect(),
             spots: spots.into_iter().map(in_metres).collect(),
             edges: edges
                 .into_iter()
@@ -378,7 +378,7 @@ impl TargetConfiguration {
             target,
             parameters,
             expected_modules: (self.expected_modules != 0).then_some(self.expected_modules),
-            founders: check::module_ids("founders", &self.founders, MODULES_MAX)?,
+            voters: check::module_ids("voters", &self.voters, MODULES_MAX)?,
         })
     }
 }

@@ -20,7 +20,6 @@ struct Coverage {
     claims_with_evictions: usize,
     claims_with_detached: usize,
     states_with_marks: usize,
-    states_with_bases: usize,
     heartbeats_with_digest: usize,
 }
 
@@ -43,7 +42,6 @@ fn check(said: &Message, coverage: &mut Coverage) {
             ));
             assert_eq!(sent.into_core(SIZE), Ok(states.to_vec()));
             coverage.states_with_marks += usize::from(!state.waited_for.is_empty());
-            coverage.states_with_bases += usize::from(!state.quorum_bases.is_empty());
         }
         Message::Roster(roster) => {
             let sent = over_the_wire(wire::Roster::new(roster, SIZE));
@@ -117,7 +115,6 @@ fn what_agents_say_passes_the_border_unchanged() {
             coverage.claims_with_detached,
         ),
         ("states with marks", coverage.states_with_marks),
-        ("states with quorum bases", coverage.states_with_bases),
         ("heartbeats with a digest", coverage.heartbeats_with_digest),
     ]);
     assert!(kinds.values().all(|&count| count > 0), "{coverage:?}");

@@ -77,7 +77,8 @@ fn messages(name: &str, payload: &[u8]) -> Vec<Message> {
 
 fn agent(module: u32) -> Agent {
     let identity = Identity {
-        store: None,
+        has_store: false,
+        is_first_run: false,
         module: ModuleId(module),
         incarnation: Incarnation(3),
         pose: Pose::from_units(f64::from(module), 0.0, 0.0).unwrap(),

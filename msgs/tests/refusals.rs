@@ -49,19 +49,6 @@ fn mark(module_id: u32) -> wire::CausalMark {
     }
 }
 
-fn basis(number: u64) -> wire::QuorumBasis {
-    wire::QuorumBasis {
-        epoch: wire::Epoch {
-            number,
-            convener: 1,
-        },
-        agreed: true,
-        module_ids: vec![1, 4],
-        incarnations: vec![7, 0],
-        stores: vec![0, 9],
-    }
-}
-
 fn body(module_id: u32) -> wire::Body {
     wire::Body {
         module_id,
@@ -83,7 +70,8 @@ fn state() -> wire::ModuleState {
     wire::ModuleState {
         module_id: 4,
         incarnation: 1,
-        store: 3,
+        knows: true,
+        is_idle: false,
         sequence: 1,
         epoch: EPOCH,
         has_digest: true,
@@ -105,7 +93,8 @@ fn state() -> wire::ModuleState {
         settled_since: 0,
         waited_for: vec![mark(5), mark(1)],
         agreed_on: vec![mark(1)],
-        quorum_bases: vec![basis(1), basis(2)],
+        removed_voters: vec![1, 4],
+        listed_voters: vec![5],
         bodies: vec![body(7), body(9)],
         proposed_removals: vec![removal(7), removal(9)],
         refuted_removals: vec![removal(8)],
@@ -116,6 +105,7 @@ fn removal(module_id: u32) -> wire::Removal {
     wire::Removal {
         module_id,
         incarnation: 3,
+        takes_vote: true,
     }
 }
 
@@ -185,19 +175,12 @@ fn module_states() {
             "module_states: modules[1].waited_for: 10001 entries, at most 10000 are allowed";
         sample => sample.modules[1].agreed_on = vec![mark(1); bounds::MODULES_MAX + 1],
             "module_states: modules[1].agreed_on: 10001 entries, at most 10000 are allowed";
-        sample => sample.modules[1].quorum_bases[1].epoch = NO_EPOCH,
-            "module_states: modules[1].quorum_bases[1].epoch: number 0 stands for no epoch, but one is needed here";
-        sample => sample.modules[1].quorum_bases[1].epoch.number = 1,
-            "module_states: modules[1].quorum_bases[1]: epoch 1.1 is listed twice";
-        sample => sample.modules[1].quorum_bases[0].module_ids = vec![4, 1],
-            "module_states: modules[1].quorum_bases[0].module_ids[1]: module 4 must stand after module 1, the list \
-             ascends";
-        sample => sample.modules[1].quorum_bases[0].incarnations = vec![7],
-            "module_states: modules[1].quorum_bases[0].incarnations: must have as many entries as module_ids";
-        sample => sample.modules[1].quorum_bases[0].module_ids = (0..=10_000).collect(),
-            "module_states: modules[1].quorum_bases[0].module_ids: 10001 entries, at most 10000 are allowed";
-        sample => sample.modules[1].quorum_bases = (1..=257).map(basis).collect(),
-            "module_states: modules[1].quorum_bases: 257 entries, at most 256 are allowed";
+        sample => sample.modules[1].removed_voters = vec![4, 1],
+            "module_states: modules[1].removed_voters[1]: module 4 must stand after module 1, the list ascends";
+        sample => sample.modules[1].listed_voters = vec![5, 5],
+            "module_states: modules[1].listed_voters[1]: module 5 is listed twice";
+        sample => sample.modules[1].listed_voters = (0..=10_000).collect(),
+            "module_states: modules[1].listed_voters: 10001 entries, at most 10000 are allowed";
         sample => sample.modules = vec![state(); bounds::MODULES_MAX + 1],
             "module_states: modules: 10001 entries, at most 10000 are allowed";
     );
@@ -215,7 +198,7 @@ fn target() -> wire::TargetConfiguration {
     };
     wire::TargetConfiguration {
         protocol_version: PROTOCOL_VERSION,
-        founders: vec![1, 4],
+        voters: vec![1, 4],
         revision: 5,
         name: "pair".to_owned(),
         spots: vec![spot(1, 0.0), spot(2, 1.0)],
@@ -336,7 +319,8 @@ fn member(module_id: u32) -> wire::RosterMember {
     wire::RosterMember {
         module_id,
         incarnation: 1,
-        store: 0,
+        knows: true,
+        is_idle: true,
         service: wire::ModuleState::SERVICE_ACTIVE,
         x_micro: 1_000_000,
         y_micro: 0,
@@ -364,15 +348,15 @@ fn rosters() {
         target_revision: 5,
         target: target(),
         members: vec![member(1), member(4)],
-        quorum_bases: vec![basis(1), basis(2)],
+        voters: vec![1, 4, 5],
+        removed_voters: vec![5],
+        listed_voters: Vec::new(),
         bodies: vec![body(7), body(9)],
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
-            "roster: protocol_version: is 1, but this program speaks version 6; run the same build everywhere";
+            "roster: protocol_version: is 1, but this program speaks version 7; run the same build everywhere";
         roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
-        roster => roster.quorum_bases[1].stores = vec![0],
-            "roster: quorum_bases[1].stores: must have as many entries as module_ids";
         roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
         roster => roster.stage = 0, "roster: stage: 0 is unknown; known are GATHER 1, PLAN 2";
         roster => roster.stage = wire::Roster::STAGE_GATHER,
@@ -400,10 +384,12 @@ fn rosters() {
             "roster: members: module 1 and module 4 are both pinned to spot 2";
         roster => roster.members = vec![member(1); bounds::MODULES_MAX + 1],
             "roster: members: 10001 entries, at most 10000 are allowed";
-        roster => roster.quorum_bases[1].epoch.number = 1,
-            "roster: quorum_bases[1]: epoch 1.1 is listed twice";
-        roster => roster.quorum_bases = (1..=257).map(basis).collect(),
-            "roster: quorum_bases: 257 entries, at most 256 are allowed";
+        roster => roster.voters = vec![4, 1, 5],
+            "roster: voters[1]: module 4 must stand after module 1, the list ascends";
+        roster => roster.voters = (0..=10_000).collect(), "roster: voters: 10001 entries, at most 10000 are allowed";
+        roster => roster.removed_voters[0] = NONE,
+            "roster: removed_voters[0]: 4294967295 stands for none and cannot be used here";
+        roster => roster.listed_voters = vec![5, 5], "roster: listed_voters[1]: module 5 is listed twice";
         roster => roster.bodies.reverse(), "roster: bodies[1]: module 9 must stand after module 7, the list ascends";
         roster => roster.bodies[1].module_id = 7, "roster: bodies[1]: module 7 is listed twice";
         roster => roster.bodies[1].whereabouts = 0,
@@ -433,8 +419,7 @@ fn rosters() {
     refusals!(gather, model::RosterMessage:
         roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
         roster => roster.members = vec![member(1)], "roster: members: must be empty while the epoch gathers";
-        roster => roster.quorum_bases = vec![basis(1)],
-            "roster: quorum_bases: must be empty while the epoch gathers";
+        roster => roster.voters = vec![1], "roster: voters: must be empty while the epoch gathers";
         roster => roster.bodies = vec![body(1)], "roster: bodies: must be empty while the epoch gathers";
         roster => roster.target.edges = target().edges,
             "roster: target.edges: must be empty while the epoch gathers";
@@ -518,7 +503,8 @@ fn heartbeats() {
     let heartbeat = |module_id| wire::ModuleHeartbeat {
         module_id,
         incarnation: 1,
-        store: 3,
+        knows: true,
+        voters_digest: 3,
         sequence: 9,
         uptime: wire::Duration {
             sec: 4,
@@ -588,7 +574,7 @@ fn commands() {
     };
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
-            "commands: protocol_version: is 1, but this program speaks version 6; run the same build everywhere";
+            "commands: protocol_version: is 1, but this program speaks version 7; run the same build everywhere";
         sample => sample.removals[1].incarnation = 0,
             "commands: removals[1].incarnation: 0 names no run; give the incarnation that heartbeats or a roster showed";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";

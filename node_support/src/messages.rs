@@ -313,7 +313,8 @@ mod tests {
 
     fn heartbeat(module: u32) -> formation_model::Heartbeat {
         formation_model::Heartbeat {
-            store: None,
+            knows: true,
+            voters: 0,
             module: ModuleId(module),
             incarnation: Incarnation(1),
             sequence: 1,

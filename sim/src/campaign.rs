@@ -58,8 +58,7 @@ pub struct CampaignParameters {
     pub fault_span: Duration,
     /// The time after the last fault within which a run must end.
     pub patience: Duration,
-    /// Whether the modules have stores; drawn for each run if `None`. Runs with stores name the founders, others in half of the
-    /// cases.
+    /// Whether the modules have stores; drawn for each run if `None`. Most runs know that their session is new.
     pub stores: Option<bool>,
     /// Whether to keep the transcript of each run.
     pub transcripts: bool,
@@ -225,9 +224,6 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
     let mut memory = Random::from_seed(seed ^ MEMORY_SEED);
     let drawn = memory.below(2) == 0;
     let stores = parameters.stores.unwrap_or(drawn);
-    // docs/fault_model.md excepts restarts without stores if the founders are not named, and churn consists of them.
-    let is_churn = matches!(parameters.faults, FaultKind::Churn | FaultKind::Clocks);
-    let always_named = stores || is_churn;
     let others = cluster_parameters(parameters.faults);
     let is_of_hosts = parameters.faults == FaultKind::Hosts;
     let is_slow = is_of_hosts && memory.below(4) == 0;
@@ -238,7 +234,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
             (true, false) => Stores::All,
             (true, true) => Stores::OfEven,
         },
-        names_founders: always_named || memory.below(2) == 0,
+        is_new_session: memory.below(4) > 0,
         write_max: if is_slow {
             SLOW_STORE
         } else {
@@ -399,7 +395,7 @@ impl MonitoredRun<'_> {
         match fault {
             Fault::Crash(module) => cluster.crash(*module),
             Fault::Restart(module) => cluster.restart(*module),
-            Fault::Remove(module) => cluster.remove(*module),
+            Fault::Remove { module, takes_vote } => cluster.remove_with(*module, *takes_vote),
             Fault::SetClock(module, ahead) => cluster.set_clock_ahead(*module, *ahead),
             Fault::Pause(module, span) => cluster.pause(*module, *span),
             Fault::Suspend(module, span) => cluster.suspend(*module, *span),

@@ -138,8 +138,13 @@ pub enum Fault {
     Restart(ModuleId),
     /// The clock of a module whose process has ended is ahead of the others by this much from now on.
     SetClock(ModuleId, Duration),
-    /// The body of a crashed module is taken away, and that is reported.
-    Remove(ModuleId),
+    /// The body of a crashed module is taken away, and that is reported, with its vote or not.
+    Remove {
+        /// The module.
+        module: ModuleId,
+        /// Whether its vote goes as well.
+        takes_vote: bool,
+    },
     /// A process stops for a while.
     Pause(ModuleId, Duration),
     /// The machine of a process is suspended for a while: neither it nor its clock goes on.
@@ -189,7 +194,7 @@ pub enum Fault {
     Mislead(ModuleId, Way),
     /// A participant that is not a module forges claims from now on.
     ForgeClaims,
-    /// A participant that is not a module publishes a roster, the quorum bases of which it invented.
+    /// A participant that is not a module publishes a roster, the voters of which it invented.
     ForgeRoster,
     /// The target is withdrawn.
     Withdraw,
@@ -344,7 +349,8 @@ impl Drawing<'_> {
             let chance = Random::from_seed(u64::from(crashed.subsec_micros())).below(40_000);
             if chance < 20_000 {
                 let at = crashed + Duration::from_millis(chance);
-                self.add(at, Fault::Remove(module));
+                let takes_vote = chance.is_multiple_of(2);
+                self.add(at, Fault::Remove { module, takes_vote });
             }
         }
     }

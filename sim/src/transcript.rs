@@ -183,7 +183,7 @@ fn roster_entry(roster: &Roster) -> Entry {
         .epoch(roster.epoch)
         .with("target_revision", roster.target.revision)
         .with("members", list(roster.members.iter().map(member_text)))
-        .with("quorum_bases", roster.quorum_bases.len());
+        .with("voters", roster.voters.named.len());
     if roster.bodies.is_empty() {
         entry
     } else {
@@ -270,16 +270,25 @@ fn noted(event: &Event) -> Entry {
         Event::WaitingForLease(wait) => {
             Entry::of("waiting_for_lease").with("span_ms", wait.as_millis())
         }
+        Event::NoVoters => Entry::of("no_voters"),
         Event::Agreed(epoch) => Entry::of("agreed").epoch(*epoch),
         Event::DigestMismatch { module, .. } => Entry::of("digest_mismatch").module(*module),
         Event::PlansDiffer(sides) => plans_differ(sides.iter().map(|(_, modules)| modules)),
         Event::WaitingForQuorum(shortfall) => {
             let entry = Entry::of("waiting_for_quorum");
             match shortfall {
-                Shortfall::Majority { present, basis } => {
-                    entry.with("present", present).with("basis", basis)
+                Shortfall::Majority {
+                    present,
+                    of,
+                    forgetful,
+                } => {
+                    let entry = entry.with("present", present).with("of", of);
+                    match forgetful {
+                        0 => entry,
+                        count => entry.with("forgetful", count),
+                    }
                 }
-                Shortfall::WithoutAgreement(rosters) => entry.with("without_agreement", rosters),
+                Shortfall::VotersUnknown => entry.with("voters", "unknown"),
             }
         }
         Event::WaitingForAgreement(modules) => {
@@ -404,6 +413,7 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
         EpochReason::RemovalsRefused(modules) => of("removals_refused").modules("modules", modules),
         EpochReason::SpotsBlocked(blocked) => blocked_spots(of("spots_blocked"), blocked),
         EpochReason::SpotsFreed(spots) => of("spots_freed").spots(spots),
+        EpochReason::VotesRemoved(modules) => of("votes_removed").modules("modules", modules),
         EpochReason::BodiesGone(modules) => of("bodies_gone").modules("modules", modules),
         EpochReason::ConvenerSilent(module) => of("convener_silent").modules("modules", &[*module]),
         EpochReason::OutOfService(modules) => {
@@ -419,7 +429,13 @@ fn fault_entry(fault: &Fault) -> Entry {
     match fault {
         Fault::Crash(module) => Entry::of("crash").module(*module),
         Fault::Restart(module) => Entry::of("restart").module(*module),
-        Fault::Remove(module) => Entry::of("remove").module(*module),
+        Fault::Remove { module, takes_vote } => {
+            let entry = Entry::of("remove").module(*module);
+            match takes_vote {
+                true => entry.with("takes_vote", takes_vote),
+                false => entry,
+            }
+        }
         Fault::Pause(module, span) => Entry::of("pause").module(*module).millis("span_ms", *span),
         Fault::Suspend(module, span) => Entry::of("suspend")
             .module(*module)

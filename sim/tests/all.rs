@@ -14,7 +14,6 @@ mod faults;
 mod forming;
 mod given;
 mod lapse;
-mod majority_model;
 mod planning;
 mod service;
 mod stop;

@@ -12,7 +12,7 @@ use formation_sim::{
     Stores, ViolationKind, Way, run_seed, run_seeds,
 };
 
-use crate::support::{Trial, ids, scenario};
+use crate::support::{Trial, ids, scenario, waiting_for_a_lease};
 
 /// Bodies are 0.9 units wide.
 const WIDTH: f64 = 0.9;
@@ -328,7 +328,7 @@ fn localisation_that_jumps_and_returns_within_a_second_only_halts() {
 /// Shows X14.
 #[test]
 fn a_module_that_is_measured_ahead_before_it_sets_off_does_not_set_off() {
-    let mut trial = Trial::new(&in_a_row(), 1);
+    let mut trial = Trial::with(&in_a_row(), waiting_for_a_lease(), 1);
     trial.until(|cluster| phase(cluster, ModuleId(6)) == Some(ModulePhase::Waiting));
     let stood = trial.cluster.body(ModuleId(6)).unwrap();
     trial.cluster.mislead(ModuleId(6), way(-1.0, 0.0));

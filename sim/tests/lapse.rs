@@ -40,7 +40,7 @@ impl Pair {
         };
         let target = Arc::new(TargetAnnouncement {
             expected_modules: Some(2),
-            founders: vec![ModuleId(4), ModuleId(9)],
+            voters: vec![ModuleId(4), ModuleId(9)],
             ..TargetAnnouncement::new(&problem, 1)
         });
         for index in 0..2 {

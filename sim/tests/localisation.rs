@@ -164,7 +164,7 @@ impl World {
                 target: Some(problem.target().clone()),
                 parameters: *problem.parameters(),
                 expected_modules: u32::try_from(problem.modules().len()).ok(),
-                founders: Vec::new(),
+                voters: Vec::new(),
             }
             .into(),
         );

@@ -32,7 +32,7 @@ fn announcement(problem: &PlanningProblem) -> TargetAnnouncement {
         target: Some(Arc::clone(problem.target())),
         parameters: *problem.parameters(),
         expected_modules: u32::try_from(problem.modules().len()).ok(),
-        founders: Vec::new(),
+        voters: Vec::new(),
     }
 }
 

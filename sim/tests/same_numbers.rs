@@ -11,7 +11,7 @@ use crate::support::{Trial, drawn, hold_a_plan, ids};
 use formation_generate::Grouping;
 use formation_model::{
     BodyReport, ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
-    Pose, Roster, RosterMessage, Whereabouts,
+    Pose, Removal, Roster, RosterMessage, Voters, Whereabouts,
 };
 use formation_protocol::Agent;
 use formation_sim::{AgentFactory, Cluster, ClusterParameters, Stores};
@@ -152,7 +152,9 @@ fn the_removal_of_a_run_whose_clock_was_ahead_ends_with_it() {
         let run = trial.cluster.run_of(ModuleId(5)).unwrap();
         trial.cluster.crash(ModuleId(5));
         trial.run_for(Duration::from_secs(30));
-        trial.cluster.inject(&Message::Removal(run));
+        trial
+            .cluster
+            .inject(&Message::Removal(Removal::of_body(run)));
         trial.run_for(Duration::from_secs(30));
         trial.cluster.restart(ModuleId(5));
         assert!(
@@ -172,7 +174,6 @@ fn a_member_that_a_run_replaces_which_is_earlier_by_its_clock_is_missing() {
     ] {
         let problem = drawn(3, 3, Grouping::Singletons, 1);
         let parameters = ClusterParameters {
-            names_founders: true,
             ..ClusterParameters::default()
         };
         let mut trial = Trial::of_agents(&problem, parameters, 1, with_runs(first, runs));
@@ -233,12 +234,12 @@ fn modules_that_restarted_know_the_body_of_a_run_after_a_clock_was_set_back() {
     let third = ModuleId(3);
     let mut moved = 0;
     for seed in 0..8 {
-        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let problem = drawn(8, 7, Grouping::Singletons, seed);
         let agents = with_runs(third, &[LATE, 1_001, 1_002]);
         let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
         trial
             .cluster
-            .start_late(ModuleId(6), Duration::from_secs(700));
+            .start_late(ModuleId(8), Duration::from_secs(900));
         trial.run_for(Duration::from_millis(700));
         trial.cluster.crash(third);
         trial.run_for(Duration::from_secs(22));
@@ -246,14 +247,14 @@ fn modules_that_restarted_know_the_body_of_a_run_after_a_clock_was_set_back() {
         trial.run_for(Duration::from_secs(1));
         trial.cluster.crash(third);
         trial.run_for(Duration::from_secs(40));
-        for module in [1, 2, 4, 5].map(ModuleId) {
+        for module in [1, 2, 4, 5, 6, 7].map(ModuleId) {
             trial.cluster.crash(module);
             trial.run_for(Duration::from_secs(10));
             trial.cluster.restart(module);
             trial.run_for(Duration::from_secs(40));
         }
-        moved += usize::from(restart_for(&mut trial, 300));
-        trial.run_for(Duration::from_secs(400));
+        moved += usize::from(restart_for(&mut trial, 400));
+        trial.run_for(Duration::from_secs(500));
         assert!(nearest(&trial, third) > 0.9, "seed {seed}");
     }
     assert!(moved > 2, "{moved}");
@@ -356,7 +357,7 @@ fn what_a_stranger_says_of_later_runs_costs_no_memory() {
                     epoch,
                     target: last.target.clone(),
                     members,
-                    quorum_bases: Vec::new(),
+                    voters: Voters::default(),
                     timing: last.timing,
                     bodies: Vec::new(),
                 });
@@ -394,7 +395,6 @@ fn a_later_run_does_not_count_as_one_that_learned_of_the_same_former_run() {
         let problem = drawn(5, 5, Grouping::Singletons, seed);
         let parameters = ClusterParameters {
             stores: Stores::All,
-            names_founders: true,
             ..ClusterParameters::default()
         };
         let agents = with_runs(third, &[LATE, 1_001, 1_002]);

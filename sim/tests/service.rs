@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, hold_a_plan, in_phase, scenario, spots};
+use crate::support::{Trial, drawn, hold_a_plan, in_phase, scenario, spots, waiting_for_a_lease};
 use formation_generate::Grouping;
 use formation_model::{
     BlockedSpot, BodyReport, ModuleId, ModulePhase, Service, TargetAnnouncement, Whereabouts,
@@ -77,7 +77,7 @@ fn without_a_spare_the_spot_of_a_retired_module_is_reported_open_until_it_rejoin
 
 /// Shows S2.
 #[test]
-fn retired_modules_count_as_present_and_may_then_be_switched_off() {
+fn retired_modules_count_as_present_until_their_votes_are_removed() {
     let mut trial = Trial::new(&drawn(7, 7, Grouping::Singletons, 3), 3);
     trial.until(Cluster::has_formed);
     // Five of seven leave: the two that stay would never be a majority if the five did not count.
@@ -86,9 +86,13 @@ fn retired_modules_count_as_present_and_may_then_be_switched_off() {
     }
     trial.until_formed_again();
     assert_eq!(trial.settled().len(), 2);
-    let retired: Vec<ModuleId> = (3..=7).map(ModuleId).collect();
-    trial.until_formed_without(&retired);
+    for id in 3..=7 {
+        trial.cluster.crash(ModuleId(id));
+        trial.cluster.remove_with(ModuleId(id), true);
+    }
+    trial.until_formed_again();
     assert_eq!(trial.settled().len(), 2);
+    assert_eq!(trial.rosters.last().unwrap().voters.listed.len(), 5);
 }
 
 /// Shows S1.
@@ -112,7 +116,8 @@ fn a_module_that_is_retired_while_moving_halts_and_harms_no_other() {
 #[test]
 fn a_drive_that_fails_is_named_and_a_spare_takes_its_spot() {
     for seed in SEEDS {
-        let mut trial = Trial::new(&drawn(7, 6, Grouping::Mixed, seed), seed);
+        let problem = drawn(7, 6, Grouping::Mixed, seed);
+        let mut trial = Trial::with(&problem, waiting_for_a_lease(), seed);
         trial.until(|cluster| !in_phase(cluster, ModulePhase::Waiting).is_empty());
         let broken = *trial.in_phase(ModulePhase::Waiting).last().unwrap();
         trial.cluster.break_drive(broken, true);

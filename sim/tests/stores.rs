@@ -16,7 +16,6 @@ use formation_sim::{
 fn with_stores() -> ClusterParameters {
     ClusterParameters {
         stores: Stores::All,
-        names_founders: true,
         ..ClusterParameters::default()
     }
 }
@@ -190,7 +189,7 @@ fn after_a_storm_all_modules_with_stores_form() {
 #[test]
 fn after_a_storm_modules_without_stores_form_or_rightly_wait() {
     let formed = storms(false, 0..60);
-    assert!((5..60).contains(&formed), "{formed} of 60 formed");
+    assert!(formed > 40, "{formed} of 60 formed");
 }
 
 /// A convener that restarted without a store opens an epoch again whose number it used before. The monitor counts both rosters.

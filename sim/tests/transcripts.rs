@@ -145,7 +145,7 @@ fn a_cut_network_heals() {
             .cluster
             .transcript()
             .events()
-            .contains("waiting_for_quorum present=2 basis=5")
+            .contains("waiting_for_quorum present=2 of=5")
     );
     compare("cut_heals", &trial.cluster.transcript().events());
 }

@@ -24,7 +24,8 @@ struct Alone {
 impl Alone {
     fn new(mutation: Option<Mutation>) -> Self {
         let identity = Identity {
-            store: None,
+            has_store: false,
+            is_first_run: false,
             module: ModuleId(4),
             incarnation: Incarnation(1),
             pose: Pose::default(),
@@ -121,7 +122,8 @@ fn pin_after_a_withdrawn_goal(mutation: Option<Mutation>) -> Option<SpotId> {
     let heartbeat = Heartbeat {
         module: run.module,
         incarnation: run.incarnation,
-        store: None,
+        knows: true,
+        voters: 0,
         sequence: 1,
         uptime: module.now,
         epoch,

@@ -198,7 +198,7 @@ mod tests {
             target: Some(Arc::new(raw.try_into().unwrap())),
             parameters: PlannerParameters::default(),
             expected_modules: Some(1_000),
-            founders: Vec::new(),
+            voters: Vec::new(),
         };
         assert_eq!(refuse_long_plans(&announcement), Ok(()));
         announcement.expected_modules = Some(spots);

@@ -17,7 +17,7 @@ use async_channel::Receiver;
 use clap::{Args, Parser};
 use formation_model::{ModuleId, TargetAnnouncement};
 use formation_node_support::scenario::read_own_scenario;
-use formation_node_support::{Program, stamp};
+use formation_node_support::{ModuleList, Program, stamp};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
 
@@ -42,10 +42,10 @@ struct Arguments {
     /// How many modules take part; without it, gathering ends when no further module comes
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     expected_modules: Option<u32>,
-    /// The modules that found the formation, such as 1,2,3: the first roster needs all of them, and every later one needs one of
-    /// them [default: a majority of --expected-modules]
-    #[arg(long, value_name = "IDS", value_delimiter = ',', requires = "scenario")]
-    founders: Vec<u32>,
+    /// The modules that vote in this session, such as 1-25 or 1,4,7-9: nothing moves without more than half of them [default:
+    /// none; then a majority of --expected-modules is needed]
+    #[arg(long, value_name = "LIST", requires = "scenario", alias = "founders")]
+    voters: Option<ModuleList>,
     /// The revision of the target; the highest one is formed [default: the wall clock in milliseconds]
     #[arg(long, value_name = "NUMBER", requires = "scenario", value_parser = plausible_revision)]
     revision: Option<u64>,
@@ -54,6 +54,9 @@ struct Arguments {
     withdraw: bool,
     #[command(flatten)]
     order: OperatorArguments,
+    /// With --remove-module: take the votes of these modules as well, for good
+    #[arg(long, requires = "remove_module")]
+    vote_too: bool,
 }
 
 /// A revision that other targets can follow: every node refuses one that is too far ahead of its clock.
@@ -98,7 +101,7 @@ enum Order {
 }
 
 impl OperatorArguments {
-    fn order(&self) -> Option<Order> {
+    fn order(&self, takes_vote: bool) -> Option<Order> {
         if self.stop || self.resume {
             return Some(Order::OfAll(OperatorOrder::Stop(self.stop)));
         }
@@ -110,13 +113,17 @@ impl OperatorArguments {
         }
         let modules = self.remove_module.iter().copied().map(ModuleId);
         let modules: BTreeSet<ModuleId> = modules.collect();
-        (!modules.is_empty()).then_some(Order::OfAll(OperatorOrder::Remove(modules)))
+        let order = OperatorOrder::Remove {
+            modules,
+            takes_vote,
+        };
+        (!self.remove_module.is_empty()).then_some(Order::OfAll(order))
     }
 }
 
 impl Program for Arguments {
     fn run(self, mut settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
-        if let Some(order) = self.order.order() {
+        if let Some(order) = self.order.order(self.vote_too) {
             let outcome = match order {
                 Order::OfAll(order) => operator::command(&settings, order, stop)?,
                 Order::OfOne(retirement) => retirement::ask(&settings, retirement, stop)?,
@@ -124,7 +131,8 @@ impl Program for Arguments {
             tracing::info!("{outcome}");
             return Ok(STATUS_DONE);
         }
-        let founders: BTreeSet<ModuleId> = self.founders.iter().copied().map(ModuleId).collect();
+        let voters = self.voters.as_ref().map(ModuleList::modules);
+        let voters = voters.unwrap_or_default().to_vec();
         let mut read = |path| read_own_scenario(path, &mut settings);
         let scenario = self.scenario.as_deref().map(&mut read).transpose()?;
         let announcement = scenario.map(|scenario| {
@@ -134,7 +142,7 @@ impl Program for Arguments {
                 name: scenario.name().to_owned(),
                 target: announcement.target.filter(|_| !self.withdraw),
                 expected_modules: self.expected_modules,
-                founders: founders.iter().copied().collect(),
+                voters: voters.clone(),
                 ..announcement
             }
         });

@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use async_channel::Receiver;
 use formation_model::text::listed_in_full;
 use formation_model::{
-    Heartbeat, Incarnation, MODULES_MAX, Message, ModuleId, ModuleRun, RosterMessage, Stop, Timing,
+    Heartbeat, Incarnation, MODULES_MAX, Message, ModuleId, ModuleRun, Removal, RosterMessage,
+    Stop, Timing,
 };
 use formation_msgs::{
     InSession, OperatorCommand, RemoveModuleRequest, RemoveModuleResponse, SessionId,
@@ -44,8 +45,11 @@ const PATIENCE_ALONE: Duration = Duration::from_secs(3);
 pub(crate) enum OperatorOrder {
     /// All modules stand still, or may move again.
     Stop(bool),
-    /// The bodies of these modules were taken away.
-    Remove(BTreeSet<ModuleId>),
+    /// The bodies of these modules were taken away, and their votes are to go as well or not.
+    Remove {
+        modules: BTreeSet<ModuleId>,
+        takes_vote: bool,
+    },
 }
 
 /// What is known of commands and runs, from the messages of modules.
@@ -116,7 +120,7 @@ impl Known {
 pub(crate) struct Commander {
     known: Known,
     /// The runs that were reported as removed and have not been heard since.
-    removals: BTreeMap<ModuleId, ModuleRun>,
+    removals: BTreeMap<ModuleId, Removal>,
     requests: Requests,
 }
 
@@ -176,7 +180,7 @@ impl Commander {
                 "{MODULES_MAX} bodies were reported as removed already"
             ));
         }
-        self.removals.insert(module, run);
+        self.removals.insert(module, Removal::of_body(run));
         Ok(removal_requests::were_reported([module], self.known.timing))
     }
 
@@ -330,7 +334,7 @@ impl Operator {
         self.commands
             .publish(command.clone().in_session(self.session));
         match &self.order {
-            OperatorOrder::Remove(modules) => {
+            OperatorOrder::Remove { modules, .. } => {
                 if let Some(reason) = self.are_alive(modules) {
                     return Some(Err(reason));
                 }
@@ -352,26 +356,30 @@ impl Operator {
     fn listening(&self) -> Duration {
         match self.order {
             OperatorOrder::Stop(_) => LISTENING,
-            OperatorOrder::Remove(_) => removal_requests::listening(self.known.timing),
+            OperatorOrder::Remove { .. } => removal_requests::listening(self.known.timing),
         }
     }
 
     /// The command, or why there is none; `None` while that is open.
     fn make(&mut self, is_late: bool) -> Option<Result<OperatorCommand, String>> {
-        let modules = match &self.order {
+        let (modules, takes_vote) = match &self.order {
             OperatorOrder::Stop(stopped) => {
                 let stop = self.known.next_stop(*stopped);
                 return Some(stop.map(|stop| OperatorCommand::new(stop, [])));
             }
-            OperatorOrder::Remove(modules) => modules,
+            OperatorOrder::Remove {
+                modules,
+                takes_vote,
+            } => (modules, *takes_vote),
         };
         if let Some(reason) = self.are_alive(modules) {
             return Some(Err(reason));
         }
         let runs = modules.iter().map(|&module| self.known.run_of(module));
-        let runs: Vec<ModuleRun> = runs.flatten().collect();
-        if runs.len() == modules.len() {
-            return Some(Ok(OperatorCommand::new(Stop::default(), &runs)));
+        let removals = runs.flatten().map(|run| Removal { run, takes_vote });
+        let removals: Vec<Removal> = removals.collect();
+        if removals.len() == modules.len() {
+            return Some(Ok(OperatorCommand::new(Stop::default(), &removals)));
         }
         // The roster that lists the module may come from a convener that has yet to notice its death.
         let unknown = modules.iter().copied();
@@ -439,7 +447,8 @@ mod tests {
         Heartbeat {
             module: ModuleId(module),
             incarnation: Incarnation(1),
-            store: None,
+            knows: true,
+            voters: 0,
             sequence: revision,
             uptime: Duration::ZERO,
             epoch: None,

@@ -158,15 +158,12 @@ def forge(liar):
     epoch = {"number": liar.epoch["number"] + 5, "convener": STRANGER}
     stop = {"revision": 2**64 - 1, "stopped": True}
     run = {"module_id": STRANGER, "incarnation": 1}
-    basis = {"number": epoch["number"] - 1, "convener": OTHERS[0]}
     member = run | {"service": ACTIVE, "configuration_id": NONE, "leader_id": NONE, "pinned_spot_id": NONE}
     roster = dataclasses.asdict(liar.plan) | {
         "epoch": epoch,
         "members": [member],
         "bodies": [],
-        "quorum_bases": [{
-            "epoch": basis, "agreed": True, "module_ids": OTHERS, "incarnations": [1] * len(OTHERS),
-            "stores": [0] * len(OTHERS)}],
+        "voters": OTHERS, "removed_voters": [], "listed_voters": [],
     }
     target = dataclasses.asdict(liar.plan.target)
     for number in range(1, 5):

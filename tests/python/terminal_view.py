@@ -128,7 +128,6 @@ def watched(formation, scenario, domain):
     for what, parts in {
         "who joins": [r"joined  \S+  \d/7"],
         "the phases": [r"gathering → planning → agreeing → \[acting\] → done"],
-        "who waits before all move": [r"next +\S.* waits?\s*(\n|$)"],
         "who moves, by the plan": [r"now +\S.* (is|are) on (its|their) way"],
         "the map with a module on its way": [r">\d", r"\[4\] settled"],
         "the map with settled modules": [r"\[\d\]\[\d\]"],

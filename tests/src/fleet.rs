@@ -110,7 +110,7 @@ impl Fleet {
         self
     }
 
-    /// The same with a store for each module, and with all modules named as founders.
+    /// The same with a store for each module, and with all modules named as voters.
     ///
     /// # Panics
     /// When no directory can be created.
@@ -265,11 +265,11 @@ impl Fleet {
     pub fn announce(&self, network: Option<&Namespace>) -> Running {
         let expected = self.modules.len().to_string();
         let ids: Vec<String> = self.modules.iter().map(u32::to_string).collect();
-        let founders = ids.join(",");
+        let voters = ids.join(",");
         let mut arguments = vec!["--scenario", self.file.path()];
         arguments.extend(["--expected-modules", &expected]);
         if self.stores.is_some() {
-            arguments.extend(["--founders", &founders]);
+            arguments.extend(["--voters", &voters]);
         }
         self.started(network, "target_publisher", &arguments)
     }

@@ -105,7 +105,7 @@ fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_hav
         ),
         (
             "target_publisher",
-            ["--expected-modules", "--founders", "--scenario"].as_slice(),
+            ["--expected-modules", "--voters", "--scenario"].as_slice(),
         ),
         ("verifier", ["--time-limit-s", "--keep-watching"].as_slice()),
     ] {

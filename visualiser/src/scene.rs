@@ -180,7 +180,7 @@ pub(crate) mod tests {
     use formation_model::{
         ClosedRoster, Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase,
         ModuleRun, ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SpotClaim,
-        SpotSelection, Stop, TargetAnnouncement,
+        SpotSelection, Stop, TargetAnnouncement, Voters,
     };
 
     use super::*;
@@ -225,7 +225,7 @@ pub(crate) mod tests {
             },
             epoch: epoch(number),
             target: TargetAnnouncement {
-                founders: Vec::new(),
+                voters: Vec::new(),
                 revision: 1,
                 name: String::new(),
                 target: None,
@@ -233,7 +233,7 @@ pub(crate) mod tests {
                 expected_modules: None,
             },
             members: Vec::new(),
-            quorum_bases: Vec::new(),
+            voters: Voters::default(),
             bodies: Vec::new(),
         }))))
     }
@@ -353,7 +353,8 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
         assert!(!figure(&scene, 2).is_live);
         scene.was_drawn();
         let beat = Heartbeat {
-            store: None,
+            knows: true,
+            voters: 0,
             module: ModuleId(2),
             incarnation: Incarnation(1),
             sequence: 2,

@@ -160,7 +160,8 @@ mod tests {
     fn member(id: u32, pin: Option<u32>, service: Service, pose: Pose) -> RosterMember {
         RosterMember {
             incarnation: Incarnation(1),
-            store: None,
+            knows: true,
+            is_idle: true,
             service,
             module: PlanningModule {
                 id: ModuleId(id),

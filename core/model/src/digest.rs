@@ -5,7 +5,7 @@ use sha2::{Digest as _, Sha256};
 use crate::{
     Area, BodyReport, BodyShape, Decision, Digest, ModuleId, MotionPlan, NO_ID, PaperOptions,
     PlannerParameters, PlanningModule, PlanningProblem, Policy, Pose, Roster, Surroundings, Target,
-    TargetAnnouncement,
+    TargetAnnouncement, Voters,
 };
 
 /// Feeds numbers to SHA-256 in a fixed layout. The length of every list precedes it, so that different inputs never have
@@ -237,6 +237,32 @@ fn put_motion(canonical: &mut Canonical, motion: &MotionPlan) {
     }
 }
 
+fn put_voters(canonical: &mut Canonical, voters: &Voters) {
+    canonical.length(voters.named.len());
+    for module in &voters.named {
+        canonical.identifier(Some(module.0));
+    }
+    for removals in [&voters.removed, &voters.listed] {
+        canonical.length(removals.len());
+        for module in removals {
+            canonical.identifier(Some(module.0));
+        }
+    }
+}
+
+/// Identifies the voters of a session; 0 if none are named.
+pub fn of_voters(named: &[ModuleId]) -> u64 {
+    if named.is_empty() {
+        return 0;
+    }
+    let mut canonical = Canonical::new("formation voters 1");
+    canonical.length(named.len());
+    for module in named {
+        canonical.identifier(Some(module.0));
+    }
+    canonical.finish().0.max(1)
+}
+
 /// The digest of a whole plan: the roster with its epoch, every decision in the order of the turns, and the paths.
 /// Enforces T4, X7.
 pub fn of_plan(
@@ -244,7 +270,7 @@ pub fn of_plan(
     decisions: &[(ModuleId, Decision)],
     motion: Option<&MotionPlan>,
 ) -> Digest {
-    let mut canonical = Canonical::new("formation plan 4");
+    let mut canonical = Canonical::new("formation plan 5");
     canonical.number(roster.epoch.number);
     canonical.identifier(Some(roster.epoch.convener.0));
     put_announcement(&mut canonical, &roster.target);
@@ -253,10 +279,12 @@ pub fn of_plan(
         let module = &member.module;
         canonical.identifier(Some(module.id.0));
         canonical.number(member.incarnation.0);
-        canonical.number(member.store.map_or(0, |store| store.0.get()));
+        canonical.number(u64::from(member.knows));
+        canonical.number(u64::from(member.is_idle));
         canonical.number(member.service as u64);
         put_placement(&mut canonical, module);
     }
+    put_voters(&mut canonical, &roster.voters);
     put_bodies(&mut canonical, &roster.bodies);
     canonical.length(decisions.len());
     for (claimant, decision) in decisions {

@@ -1,7 +1,6 @@
 //! Identifiers, each with its own type, so that a spot cannot be passed where a module is expected.
 
 use std::fmt;
-use std::num::NonZeroU64;
 
 use serde::{Deserialize, Serialize};
 
@@ -81,65 +80,6 @@ impl ModuleId {
         ModuleRun {
             module: self,
             incarnation,
-        }
-    }
-}
-
-/// What holds the memory of one module beyond the run that began it.
-///
-/// An odd number is that of a file, drawn at random when the file is created. An even one is twice the incarnation of the run
-/// with which a process began, and names the memory that this process hands on from run to run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct StoreId(pub NonZeroU64);
-
-impl StoreId {
-    /// The memory of a process that began with this run; `None` for an incarnation that no clock shows.
-    #[must_use]
-    pub fn of_process(first: Incarnation) -> Option<Self> {
-        first.0.checked_mul(2).and_then(NonZeroU64::new).map(Self)
-    }
-
-    /// Whether it is a file, so that a restart of the process finds it again.
-    #[must_use]
-    pub fn outlives_process(self) -> bool {
-        self.0.get() % 2 == 1
-    }
-
-    fn memory(self) -> VoterMemory {
-        if self.outlives_process() {
-            VoterMemory::Stored(self)
-        } else {
-            VoterMemory::Volatile(Incarnation(self.0.get() / 2))
-        }
-    }
-}
-
-/// What a module has of the agreements in which it took part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub enum VoterMemory {
-    /// What its process holds, which began with this run: it ends with the process.
-    Volatile(Incarnation),
-    /// What its store holds: it outlives the process.
-    Stored(StoreId),
-}
-
-/// A module with the memory that counts towards a majority.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub struct Voter {
-    /// The module.
-    pub module: ModuleId,
-    /// The memory with which it took part.
-    pub memory: VoterMemory,
-}
-
-impl Voter {
-    /// A run of a module, with its store if it has one.
-    #[must_use]
-    pub fn new(run: ModuleRun, store: Option<StoreId>) -> Self {
-        Self {
-            module: run.module,
-            memory: store.map_or(VoterMemory::Volatile(run.incarnation), StoreId::memory),
         }
     }
 }

@@ -18,7 +18,5 @@ pub const RETENTION_DISTANCE: MicroUnits = MicroUnits(125_000);
 /// How far a time stamp of another process may be ahead of the own clock, in microseconds: 142 years, as clocks that were never
 /// set start in 1970.
 pub const STAMP_AHEAD_MAX: u64 = 1 << 52;
-/// The most earlier rosters of which a roster needs majorities.
-pub const QUORUM_BASES_MAX: usize = 256;
 /// The most bytes of the name of a formation or of a frame.
 pub const NAME_BYTES_MAX: usize = 255;

@@ -9,8 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     BodyReport, ClosedRoster, ConfigurationId, Decision, Digest, Epoch, EvictionRecord,
-    Incarnation, ModuleId, ModuleRun, Pose, QuorumBasis, Service, SpotId, StoreId,
-    TargetAnnouncement, Voter,
+    Incarnation, ModuleId, ModuleRun, Pose, Service, SpotId, TargetAnnouncement,
 };
 
 /// The phase in which a module is.
@@ -102,6 +101,26 @@ impl Hash for SenderTime {
     fn hash<H: Hasher>(&self, _: &mut H) {}
 }
 
+/// The report that the body of a run was taken away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Removal {
+    /// The run, with all earlier ones of its module.
+    pub run: ModuleRun,
+    /// Whether the vote of its module goes as well.
+    pub takes_vote: bool,
+}
+
+impl Removal {
+    /// The report that a body was taken away, whose module keeps its vote.
+    #[must_use]
+    pub fn of_body(run: ModuleRun) -> Self {
+        Self {
+            run,
+            takes_vote: false,
+        }
+    }
+}
+
 /// The state that a module publishes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ModuleState {
@@ -109,8 +128,10 @@ pub struct ModuleState {
     pub module: ModuleId,
     /// The run of its process.
     pub incarnation: Incarnation,
-    /// Its store, if it has one.
-    pub store: Option<StoreId>,
+    /// Whether this run has forgotten nothing that its module agreed on.
+    pub knows: bool,
+    /// In GATHERED: whether no run of its module can have shown a plan within the lease.
+    pub is_idle: bool,
     /// Rises with every state that this incarnation publishes.
     pub sequence: u64,
     /// The epoch of the state; `None` before the first.
@@ -148,13 +169,15 @@ pub struct ModuleState {
     /// In MOVING and SETTLED of the first unit to move: the heartbeats that showed agreement, one of each member. SETTLED
     /// repeats them for observers that join late and receive no MOVING.
     pub agreed_on: Vec<CausalMark>,
-    /// In GATHERED: the rosters known to it of which a new one must contain a majority.
-    pub quorum_bases: Vec<QuorumBasis>,
+    /// In GATHERED: the voters whose votes were removed, as far as it knows.
+    pub removed_voters: BTreeSet<ModuleId>,
+    /// In GATHERED: those whose votes a roster has removed that it agreed to, and that may be in force.
+    pub listed_voters: BTreeSet<ModuleId>,
     /// In GATHERED: the known bodies and removals of modules that are absent, ascending by module.
     pub bodies: Vec<BodyReport>,
     /// In GATHERED: the runs whose bodies were reported as removed, and that this module has not heard for `suspicion`; ascending by
     /// module.
-    pub proposed_removals: Vec<ModuleRun>,
+    pub proposed_removals: Vec<Removal>,
     /// In GATHERED: the runs that this module has heard since their bodies were reported as removed; ascending by module.
     pub refuted_removals: Vec<ModuleRun>,
 }
@@ -166,7 +189,8 @@ impl ModuleState {
         Self {
             module: run.module,
             incarnation: run.incarnation,
-            store: None,
+            knows: false,
+            is_idle: false,
             sequence: 1,
             epoch: None,
             digest: None,
@@ -184,18 +208,12 @@ impl ModuleState {
             settled_since: 0,
             waited_for: Vec::new(),
             agreed_on: Vec::new(),
-            quorum_bases: Vec::new(),
+            removed_voters: BTreeSet::new(),
+            listed_voters: BTreeSet::new(),
             bodies: Vec::new(),
             proposed_removals: Vec::new(),
             refuted_removals: Vec::new(),
         }
-    }
-
-    /// The module with the memory that counts towards majorities.
-    #[must_use]
-    pub fn voter(&self) -> Voter {
-        let run = self.module.run(self.incarnation);
-        Voter::new(run, self.store)
     }
 }
 
@@ -258,8 +276,10 @@ pub struct Heartbeat {
     pub module: ModuleId,
     /// The run of its process.
     pub incarnation: Incarnation,
-    /// Its store, if it has one.
-    pub store: Option<StoreId>,
+    /// Whether this run has forgotten nothing that its module agreed on.
+    pub knows: bool,
+    /// Identifies the voters that it knows; 0 while it knows none.
+    pub voters: u64,
     /// Rises with every heartbeat of this incarnation.
     pub sequence: u64,
     /// The time since the start of this incarnation, by its own clock, at the time of sending. Receivers compare it with
@@ -312,5 +332,5 @@ pub enum Message {
     /// On `commands`.
     Stop(Stop),
     /// On `commands`: the body of this run, with those of all earlier ones, was taken away.
-    Removal(ModuleRun),
+    Removal(Removal),
 }

@@ -1,5 +1,6 @@
 //! Rosters: who takes part in an epoch, and what is planned for.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     BodyReport, Epoch, Incarnation, ModuleId, ModuleRun, PlannerParameters, PlanningModule,
-    PlanningProblem, StoreId, Target, Voter,
+    PlanningProblem, Target,
 };
 
 /// A target as announced to all modules.
@@ -24,13 +25,12 @@ pub struct TargetAnnouncement {
     pub parameters: PlannerParameters,
     /// The number of modules that take part, if known. Without it a gathering ends when no further module joins.
     pub expected_modules: Option<u32>,
-    /// The modules that found the formation, ascending; empty if they are not named. The first roster needs all of them, or a
-    /// majority with stores, and every later one needs one of them.
-    pub founders: Vec<ModuleId>,
+    /// The voters of the session, ascending; empty if they are not named. Each roster needs a majority of them.
+    pub voters: Vec<ModuleId>,
 }
 
 impl TargetAnnouncement {
-    /// The target of a problem, without a name, a number of modules and founders.
+    /// The target of a problem, without a name, a number of modules and voters.
     #[must_use]
     pub fn new(problem: &PlanningProblem, revision: u64) -> Self {
         Self {
@@ -39,7 +39,7 @@ impl TargetAnnouncement {
             target: Some(Arc::clone(problem.target())),
             parameters: *problem.parameters(),
             expected_modules: None,
-            founders: Vec::new(),
+            voters: Vec::new(),
         }
     }
 }
@@ -52,7 +52,7 @@ pub enum Service {
     /// Takes a spot if the plan gives it one.
     #[default]
     Active = 0,
-    /// Retired by command: gets no spot, but counts towards majorities while its process runs.
+    /// Retired by command: gets no spot, but votes while its process runs.
     Retired = 1,
     /// Its drive or a docking port has failed; treated as retired.
     MotionFailed = 2,
@@ -73,8 +73,10 @@ impl fmt::Display for Service {
 pub struct RosterMember {
     /// The run of its process.
     pub incarnation: Incarnation,
-    /// Its store, if it has one.
-    pub store: Option<StoreId>,
+    /// Whether this run has forgotten nothing that its module agreed on, so that it counts in a majority.
+    pub knows: bool,
+    /// Whether no run of its module can have shown a plan within the lease: this one has shown none, and is the first or old enough.
+    pub is_idle: bool,
     /// Whether it takes part in plans. A member out of service is not part of the plan; it agrees like any other.
     pub service: Service,
     /// The data on which planning depends.
@@ -99,22 +101,51 @@ impl RosterMember {
     pub fn run(&self) -> ModuleRun {
         self.module.id.run(self.incarnation)
     }
-
-    /// The module with the memory that counts towards majorities.
-    pub fn voter(&self) -> Voter {
-        Voter::new(self.run(), self.store)
-    }
 }
 
-/// The members of an earlier roster of which a new one must contain a majority.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct QuorumBasis {
-    /// The epoch.
-    pub epoch: Epoch,
-    /// Whether all of its members are known to have agreed.
-    pub agreed: bool,
-    /// Its active members in ascending order, each with the memory with which it took part.
-    pub members: Vec<Voter>,
+/// Who votes in a session.
+///
+/// A removal of a vote is in force once all members of a roster that lists it have agreed. Until then the vote counts neither for the
+/// roster nor does the number that is needed sink, so that no false removal makes two majorities.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Voters {
+    /// All that the session has, ascending; empty while none are named.
+    pub named: Vec<ModuleId>,
+    /// Those whose votes were removed.
+    pub removed: BTreeSet<ModuleId>,
+    /// Those whose votes a roster has removed that may be in force.
+    pub listed: BTreeSet<ModuleId>,
+}
+
+impl Voters {
+    /// Adds what others know of removals.
+    pub fn learn(&mut self, removed: &BTreeSet<ModuleId>, listed: &BTreeSet<ModuleId>) {
+        self.removed.extend(removed);
+        self.listed.extend(listed);
+        self.listed.retain(|module| !self.removed.contains(module));
+    }
+
+    /// All removals that are listed are in force.
+    pub fn settle(&mut self) {
+        self.removed.append(&mut self.listed);
+    }
+
+    /// Whether any vote was removed, or a roster that may be in force says so.
+    pub fn has_removals(&self) -> bool {
+        !(self.removed.is_empty() && self.listed.is_empty())
+    }
+
+    /// The voters of whom a majority is needed.
+    pub fn counted(&self) -> impl Iterator<Item = ModuleId> + Clone {
+        let named = self.named.iter().copied();
+        named.filter(|module| !self.removed.contains(module))
+    }
+
+    /// The voters whose votes count.
+    pub fn remaining(&self) -> impl Iterator<Item = ModuleId> + Clone {
+        self.counted()
+            .filter(|module| !self.listed.contains(module))
+    }
 }
 
 /// The input of one epoch's plan.
@@ -126,8 +157,8 @@ pub struct Roster {
     pub target: TargetAnnouncement,
     /// The members in ascending order of module.
     pub members: Vec<RosterMember>,
-    /// The earlier rosters of which this one contains a majority.
-    pub quorum_bases: Vec<QuorumBasis>,
+    /// The voters, of whom this one holds a majority.
+    pub voters: Voters,
     /// The times that all members must have in common.
     pub timing: Timing,
     /// The known bodies and removals of modules that are no members, ascending by module.
@@ -163,14 +194,5 @@ impl Roster {
     /// The member with this module.
     pub fn member(&self, module: ModuleId) -> Option<&RosterMember> {
         RosterMember::find(&self.members, module)
-    }
-
-    /// The active members, ascending: a later roster must contain a majority of them. Members out of service have agreed to
-    /// this roster, and so to counting no more.
-    /// Enforces S2.
-    pub fn quorum_basis(&self) -> Vec<Voter> {
-        RosterMember::active(&self.members)
-            .map(RosterMember::voter)
-            .collect()
     }
 }

@@ -75,12 +75,6 @@ impl ClockOffset {
         Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
     }
 
-    /// When the run is this old at the least, by this module's clock.
-    pub fn old_at(&self, age: Duration) -> Option<Duration> {
-        let at = (self.start_us + micros(age)).max(0);
-        u64::try_from(at).ok().map(Duration::from_micros)
-    }
-
     /// Whether heartbeats come since a time, and had come for a while before it: the first ones may come late together, from a queue.
     pub fn is_known_at(&self, time: Duration, period: Duration) -> bool {
         self.heard_at >= time && self.first_heard_at + period * PERIODS_KNOWN <= time

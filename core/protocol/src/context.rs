@@ -11,8 +11,7 @@ use std::time::Duration;
 
 use formation_model::{
     ConfigurationId, Digest, Epoch, Message, MicroUnits, ModuleId, ModuleRun, PlanningModule,
-    RosterMember, STAMP_AHEAD_MAX, Service, SourceId, SpotId, Stop, StoreId, TargetAnnouncement,
-    Voter, digest,
+    RosterMember, STAMP_AHEAD_MAX, Service, SourceId, SpotId, Stop, TargetAnnouncement, digest,
 };
 use formation_motion::DEVIATION_LIMIT;
 
@@ -23,7 +22,7 @@ use super::asked_plan::Plans;
 use super::clock_offset::ClockDoubt;
 use super::event::Event;
 use super::io::{Identity, Output};
-use super::memory::{KnownTarget, Memory};
+use super::known_target::KnownTarget;
 use super::outbox::Outbox;
 use super::pacing::EpochPacing;
 use super::parameters::AgentParameters;
@@ -33,6 +32,7 @@ use super::plans::{ComputedPlan, PlanJob};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
 use super::robot::Robot;
+use super::session::{Session, shortfall_of};
 
 /// Within what distance of a goal a drive has arrived if nothing else is said.
 const POSITION_TOLERANCE: MicroUnits = MicroUnits(20_000);
@@ -46,7 +46,6 @@ pub(super) struct Own {
     pub run: ModuleRun,
     /// The time of its start by its clock, in microseconds since 1970. `run` may have taken a later number.
     pub start_stamp: u64,
-    pub store: Option<StoreId>,
     /// The participant that publishes for it, if others are hosted with it.
     pub source: Option<SourceId>,
     pub configuration: Option<ConfigurationId>,
@@ -79,7 +78,7 @@ pub(super) struct Context {
     /// Whether heartbeats show that this clock may have stood still.
     pub clock_doubt: Option<ClockDoubt>,
     pub target: KnownTarget,
-    pub memory: Memory,
+    pub session: Session,
     pub pacing: EpochPacing,
     pub plans: Plans,
     /// The majority that an epoch would need and that is not within reach.
@@ -94,7 +93,6 @@ impl Context {
             own: Own {
                 run: identity.run(),
                 start_stamp: identity.incarnation.0,
-                store: identity.store,
                 source: None,
                 configuration: identity.configuration,
                 leader: identity.leader,
@@ -112,11 +110,11 @@ impl Context {
             stop: Stop::default(),
             clock_doubt: None,
             target: KnownTarget::default(),
-            memory: Memory::default(),
+            session: Session::new(identity.is_first_run),
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
             plans: Plans::default(),
             shortfall: None,
-            outbox: Outbox::new(now, identity.store.is_some_and(StoreId::outlives_process)),
+            outbox: Outbox::new(now, identity.has_store),
         }
     }
 
@@ -154,15 +152,57 @@ impl Context {
         }
     }
 
-    /// This module and all live ones with the memory that counts, in ascending order.
-    pub fn live_voters(&self) -> Vec<Voter> {
-        let peers = self.peers.live(self.liveness());
-        let mut voters: Vec<Voter> = peers
-            .map(|(module, peer)| peer.voter(module))
-            .chain([Voter::new(self.own.run, self.own.store)])
-            .collect();
-        voters.sort_unstable();
-        voters
+    /// The majority that this module and all live ones lack, for a target that is announced.
+    pub fn live_shortfall(&self) -> Option<Shortfall> {
+        let is_unknown = self.session.voters().named.is_empty();
+        let mut live = self.peers.live(self.liveness());
+        if is_unknown && live.any(|(_, peer)| peer.knows_voters()) {
+            return Some(Shortfall::VotersUnknown);
+        }
+        self.shortfall_of(&self.live_votes())
+    }
+
+    /// Whether a majority would be lacking if one more voter fell silent.
+    pub fn depends_on_each_voter(&self) -> bool {
+        let mut live = self.live_votes();
+        let voters = self.session.voters();
+        let counts = |&(module, knows): &(ModuleId, bool)| {
+            knows && voters.named.binary_search(&module).is_ok()
+        };
+        if let Some(lowest) = live.iter().position(counts) {
+            live.remove(lowest);
+        }
+        self.shortfall_of(&live).is_some()
+    }
+
+    fn shortfall_of(&self, present: &[(ModuleId, bool)]) -> Option<Shortfall> {
+        let target = self.target.announcement().map(Arc::as_ref);
+        let voters = self.session.voters_for(&[], self.removals.due_votes());
+        shortfall_of(&voters, present.iter().copied(), target)
+    }
+
+    /// This module and all live ones, each with whether it knows, in ascending order.
+    fn live_votes(&self) -> Vec<(ModuleId, bool)> {
+        let live = self.peers.live(self.liveness());
+        let mut live: Vec<(ModuleId, bool)> =
+            live.map(|(module, peer)| (module, peer.knows())).collect();
+        let own = self.module();
+        let position = live.partition_point(|&(module, _)| module < own);
+        live.insert(position, (own, self.session.knows()));
+        live
+    }
+
+    /// How old a run must be so that what its former run showed counts for nobody any more, and how long after all members of a roster
+    /// froze nobody can be in motion by another one: a lease, and what clocks and delays may add to that.
+    pub fn idle_age(&self) -> Duration {
+        self.parameters.lease + self.parameters.heartbeat
+    }
+
+    /// Whether no run of this module can have shown a plan within the lease.
+    /// Enforces A2.
+    pub fn is_idle(&self) -> bool {
+        let is_old = self.now >= self.own.started + self.idle_age();
+        !self.session.has_shown_plan && (self.session.is_first_run || is_old)
     }
 
     /// This module and all live ones, in ascending order.
@@ -205,16 +245,6 @@ impl Context {
             latest.revision > target.revision
                 && digest::of_target(latest) != digest::of_target(target)
         })
-    }
-
-    /// The first majority that these modules lack, with what `memory` knows.
-    pub fn shortfall_of(
-        &self,
-        memory: &Memory,
-        present: &[Voter],
-        target: Option<&TargetAnnouncement>,
-    ) -> Option<Shortfall> {
-        memory.shortfall(present, target)
     }
 
     /// Records the majority that is missing for the next epoch, and reports it if it differs.
@@ -262,7 +292,8 @@ impl Context {
     pub fn as_member(&self, target: impl FnOnce() -> Digest) -> RosterMember {
         RosterMember {
             incarnation: self.own.run.incarnation,
-            store: self.own.store,
+            knows: self.session.knows(),
+            is_idle: self.session.froze_idle,
             service: self.robot.service,
             module: PlanningModule {
                 id: self.module(),
@@ -322,13 +353,13 @@ impl Context {
     /// Records an epoch that exists, unless it is too high to be true.
     pub fn note_epoch(&mut self, epoch: Epoch) {
         if self.is_plausible(epoch.number) {
-            self.memory.note_epoch(epoch);
+            self.session.note_epoch(epoch);
         }
     }
 
     /// Records that an epoch was opened, by this module or another.
     pub fn note_opened(&mut self, epoch: Epoch) {
-        self.memory.note_epoch(epoch);
+        self.session.note_epoch(epoch);
         let limit = self.parameters.epoch_interval_limit;
         self.pacing.opened(self.now, limit);
     }
@@ -388,13 +419,13 @@ impl Hash for Context {
             stop,
             clock_doubt,
             target,
-            memory,
+            session,
             pacing,
             plans: _,
             shortfall,
             outbox,
         } = self;
         (own.run, robot, peers, bodies, removals, stop, target).hash(state);
-        (memory, pacing, shortfall, outbox, clock_doubt).hash(state);
+        (session, pacing, shortfall, outbox, clock_doubt).hash(state);
     }
 }

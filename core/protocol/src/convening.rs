@@ -28,34 +28,31 @@ impl Agent {
             context.set_shortfall(None);
             return;
         };
-        let live = context.live_voters();
+        let live = context.live_modules();
         let expected = context.target.expected_modules();
         let all_are_live = expected.is_some_and(|expected| live.len() >= expected as usize);
-        if all_are_live && live.iter().all(|voter| has_no_epoch(voter.module, context)) {
+        if all_are_live && live.iter().all(|&module| has_no_epoch(module, context)) {
             context.pacing.end_listening(context.now);
         }
         let own = context.module();
         // A module that was moved knows best where it stands, so it does not wait for its turn.
         let is_own = matches!(&reason, EpochReason::Displaced(displaced)
             if displaced.iter().any(|&(module, _)| module == own));
-        let delay = (live
-            .iter()
-            .take_while(|voter| voter.module < own && !is_own))
-        .fold(Duration::ZERO, |delay, _| {
-            delay.saturating_add(context.parameters.convene)
-        });
+        let delay = (live.iter().take_while(|&&module| module < own && !is_own))
+            .fold(Duration::ZERO, |delay, _| {
+                delay.saturating_add(context.parameters.convene)
+            });
         let due = context.pacing.due(context.now, delay);
         let target = context.target.announcement().cloned();
-        let shortfall = || context.shortfall_of(&context.memory, &live, target.as_deref());
         if context.now < due {
-            if context.shortfall.is_some() && shortfall().is_none() {
+            if context.shortfall.is_some() && context.live_shortfall().is_none() {
                 // Modules are back: the plan goes on, as long as no other epoch is opened.
                 context.set_shortfall(None);
             }
             context.wake_at(due);
             return;
         }
-        let shortfall = shortfall();
+        let shortfall = context.live_shortfall();
         context.set_shortfall(shortfall);
         if shortfall.is_none()
             && let Some(announcement) = target
@@ -138,8 +135,13 @@ impl Stage {
             return Some(EpochReason::Stuck(stuck));
         }
         let has_mismatch = self.held_plan().is_some_and(|held| held.has_mismatch);
-        if has_mismatch && context.memory.mismatches <= 1 {
+        if has_mismatch && context.session.mismatches <= 1 {
             return Some(EpochReason::DigestMismatch);
+        }
+        let votes: Vec<ModuleId> = context.removals.due_votes().collect();
+        // Votes that nobody misses yet go with the next epoch.
+        if !votes.is_empty() && outside_since.is_none() && context.depends_on_each_voter() {
+            return Some(EpochReason::VotesRemoved(votes));
         }
         let held = self.held_plan();
         let is_to_fill = |spot: SpotId, context: &Context| {
@@ -161,10 +163,7 @@ impl Stage {
             return None;
         }
         let others = live_unplanned(roster, context);
-        let mut newcomers = wanted_newcomers(roster, &others, context);
-        if newcomers.is_empty() {
-            newcomers = strays(roster, &others, context);
-        }
+        let newcomers = wanted_newcomers(roster, &others, context);
         if newcomers.is_empty() {
             context.peers.note_calm(context.liveness(), judged);
             return None;
@@ -238,8 +237,8 @@ fn judge_members(
     if leaving.is_empty() {
         return Ok(());
     }
-    let live = context.live_voters();
-    let some_is_active = live.iter().any(|voter| context.is_active(voter.module));
+    let live = context.live_modules();
+    let some_is_active = live.iter().any(|&module| context.is_active(module));
     Err(some_is_active.then_some(EpochReason::OutOfService(leaving)))
 }
 
@@ -343,19 +342,6 @@ fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> 
         newcomers.clear();
     }
     newcomers
-}
-
-/// Those of some live modules that the roster does not list, that know its epoch, or a later one, and that wait for a quorum:
-/// they know of a majority that the members do not need, and learn in a gathering only that it no longer counts.
-/// Enforces E12.
-fn strays(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
-    let others = others.iter().copied();
-    others
-        .filter(|&module| roster.member(module).is_none() && waits_for_quorum(module, context))
-        .filter(|&module| follows(module, roster.epoch, context))
-        .filter(|&module| stands(module, context))
-        .filter(|&module| context.is_wanted(module))
-        .collect()
 }
 
 fn waits_for_quorum(module: ModuleId, context: &Context) -> bool {

@@ -12,14 +12,14 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use formation_model::{
-    BodyReport, Digest, Epoch, Incarnation, ModuleId, Pose, QuorumBasis, Service, SpotId, Stop,
+    BodyReport, Digest, Epoch, Incarnation, ModuleId, Pose, Service, SpotId, Stop, Voters,
 };
 
 use super::robot::SettledOn;
 
 /// What the store of a module holds.
 ///
-/// What grows with the number of modules (founders, quorum bases, bodies) is the same for most modules of a process. A host keeps it
+/// What grows with the number of modules (voters, bodies) is the same for most modules of a process. A host keeps it
 /// once for all of them, so it is not serialised here.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DurableState {
@@ -27,12 +27,11 @@ pub struct DurableState {
     pub entered: Option<Epoch>,
     /// The highest epoch that it knows of.
     pub highest: Option<Epoch>,
-    /// The founders of the session; empty while they are not named.
+    /// Whether it has forgotten nothing that it agreed on.
+    pub knows: bool,
+    /// The voters of the session.
     #[serde(skip)]
-    pub founders: Vec<ModuleId>,
-    /// The earlier rosters of which a new one must contain a majority.
-    #[serde(skip)]
-    pub quorum_bases: Vec<QuorumBasis>,
+    pub voters: Voters,
     /// Whether it takes part in plans.
     pub service: Service,
     /// The spot on which it has settled, and the digest of the target of that spot.
@@ -54,6 +53,9 @@ pub(super) struct SyncKey {
     pub incarnation: Incarnation,
     pub entered: Option<Epoch>,
     pub shows_digest: bool,
+    pub knows: bool,
+    /// The numbers of votes that were removed, and that rosters list as removed.
+    pub votes_removed: (usize, usize),
     pub service: Service,
     pub settled_on: Option<SettledOn>,
     /// Where the module stands; `None` on its way.

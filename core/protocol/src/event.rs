@@ -61,6 +61,11 @@ pub enum Event {
     /// All members show the same digest.
     #[error("all members agree on {0}")]
     Agreed(Epoch),
+    /// All agreed, and no voters are named.
+    #[error(
+        "no voters are named: should the modules be cut apart, two parts of them may form next to each other"
+    )]
+    NoVoters,
     /// All agreed, and nothing moves for this long.
     #[error("nothing moves for {:.1} s: until then, modules that were left out may move by an earlier plan", .0.as_secs_f64())]
     WaitingForLease(Duration),
@@ -306,6 +311,9 @@ pub enum EpochReason {
     /// These bodies, for which no module could move, are in the way no more.
     #[error("no longer in the way of all: {}", ids(.0))]
     BodiesGone(Vec<ModuleId>),
+    /// The votes of these modules are to be removed.
+    #[error("votes to be removed: {}", ids(.0))]
+    VotesRemoved(Vec<ModuleId>),
     /// Members no longer take spots.
     #[error("out of service: {}", with_services(.0))]
     OutOfService(Vec<(ModuleId, Service)>),
@@ -379,7 +387,6 @@ impl Event {
             | Self::NotMoving(_)
             | Self::GivenRefused(_)
             | Self::InvalidStart(_)
-            | Self::WaitingForQuorum(Shortfall::WithoutAgreement(_))
             | Self::PortsContradictPose(_)
             | Self::LocalisationLost(_)
             | Self::MotionFailed(_) => Severity::Error,
@@ -389,7 +396,7 @@ impl Event {
             | Self::RunRenumbered(_)
             | Self::ClockInDoubt { .. }
             | Self::ClockStoodStill(_)
-            | Self::WaitingForQuorum(Shortfall::Majority { .. })
+            | Self::WaitingForQuorum(_)
             | Self::AgreementLapsed(_)
             | Self::OffPath(_)
             | Self::KeepingClear(_)

@@ -4,9 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{
-    ConfigurationId, Incarnation, Message, ModuleId, ModuleRun, Pose, SourceId, StoreId, Voter,
-};
+use formation_model::{ConfigurationId, Incarnation, Message, ModuleId, ModuleRun, Pose, SourceId};
 use formation_motion::{MotionGoal, MotionReport};
 
 use super::durable::DurableState;
@@ -20,8 +18,10 @@ pub struct Identity {
     pub module: ModuleId,
     /// This run of its process.
     pub incarnation: Incarnation,
-    /// What holds its memory, if that is a file, or if an earlier run of the process began it.
-    pub store: Option<StoreId>,
+    /// Whether it has a store, which outlives its process.
+    pub has_store: bool,
+    /// Whether no run of it took part in the session before.
+    pub is_first_run: bool,
     /// Its pose at the start.
     pub pose: Pose,
     /// The modules that it is docked to at the start.
@@ -37,12 +37,6 @@ impl Identity {
     #[must_use]
     pub fn run(&self) -> ModuleRun {
         self.module.run(self.incarnation)
-    }
-
-    /// The module with the memory that counts towards majorities.
-    #[must_use]
-    pub fn voter(&self) -> Voter {
-        Voter::new(self.run(), self.store)
     }
 }
 

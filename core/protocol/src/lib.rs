@@ -9,8 +9,8 @@
 //! Everything happens in **epochs**. The *convener* opens one (`convening`), the members halt and announce themselves, and
 //! a roster fixes the whole input of the plan (`stage/gathering`). The units take turns, and each agent recomputes every
 //! claim (`stage/planning`). When all members show the same digest (`stage/agreeing`), and a lease has passed, the units
-//! move one after another (`stage/acting`). A new epoch resolves any doubt; it must contain a majority of the last
-//! (`quorum`).
+//! move one after another (`stage/acting`). A new epoch resolves any doubt; it must contain a majority of the
+//! session's voters (`quorum`).
 //!
 //! An agent has a `Context`, which outlives every stage, and a `Stage`, which owns what exists only while it lasts. After
 //! each input the stage takes steps until none leads to another stage. A step depends on the whole state and not on an
@@ -25,8 +25,8 @@ mod convening;
 mod durable;
 mod event;
 mod io;
+mod known_target;
 mod member_bodies;
-mod memory;
 mod motion;
 mod outbox;
 mod pacing;
@@ -41,6 +41,7 @@ mod refusal;
 mod robot;
 mod roster_plan;
 mod rosters;
+mod session;
 mod snapshot;
 mod stage;
 mod stop;
@@ -67,7 +68,7 @@ use formation_model::{
 
 use context::Context;
 use peers::HeartbeatNews;
-use rosters::KeptRosters;
+use rosters::EarlyRosters;
 use stage::{Stage, Transition};
 use succession::Succession;
 
@@ -80,7 +81,7 @@ pub struct Agent {
     context: Context,
     stage: Stage,
     succession: Succession,
-    kept_rosters: KeptRosters,
+    early_rosters: EarlyRosters,
 }
 
 impl Agent {
@@ -91,8 +92,15 @@ impl Agent {
             context: Context::new(identity, parameters, now),
             stage: Stage::Listening(None),
             succession: Succession::default(),
-            kept_rosters: KeptRosters::default(),
+            early_rosters: EarlyRosters::default(),
         }
+    }
+
+    /// The same agent, which knows from its start who votes in the session.
+    #[must_use]
+    pub fn with_voters(mut self, voters: &[ModuleId]) -> Self {
+        self.context.session.note_voters(voters);
+        self
     }
 
     /// The same agent, in or out of service from its start.
@@ -309,10 +317,10 @@ impl Agent {
             context,
             stage,
             succession,
-            kept_rosters,
+            early_rosters,
         } = self;
         let mut hasher = DefaultHasher::new();
-        (context, stage, succession, kept_rosters).hash(&mut hasher);
+        (context, stage, succession, early_rosters).hash(&mut hasher);
         hasher.finish()
     }
 
@@ -325,7 +333,7 @@ impl Agent {
         let stands_back = self.succession.still_stands_back(self.context.now);
         if stood_back && !stands_back {
             self.exceed_silent_run();
-            self.handle_kept_rosters();
+            self.handle_early_rosters();
         }
         let are_removals_new = self.context.refresh_removals();
         if are_removals_new && matches!(self.stage, Stage::Gathering(_)) {
@@ -376,7 +384,7 @@ impl Agent {
             Message::Eviction(_) => {}
             Message::OtherSessionState(state) => self.handle_other_session_state(&state),
             Message::Stop(stop) => self.handle_stop(stop),
-            Message::Removal(run) => self.context.handle_removal_report(run),
+            Message::Removal(removal) => self.context.handle_removal_report(removal),
         }
         true
     }
@@ -387,8 +395,8 @@ impl Agent {
             return self.context.refuse(None, Refusal::ImplausibleRevision);
         }
         let context = &mut self.context;
-        if context.memory.contradicts_founders(&announcement) {
-            return context.refuse(None, Refusal::OtherFounders);
+        if context.session.contradicts(&announcement.voters) {
+            return context.refuse(None, Refusal::OtherVoters);
         }
         if let Some(known) = context.target.announcement() {
             if announcement.revision == known.revision && announcement != *known {
@@ -399,8 +407,8 @@ impl Agent {
                 return;
             }
         }
-        // A target that is ignored as old names no founders either.
-        context.memory.note_founders(&announcement);
+        // A target that is ignored as old names no voters either.
+        context.session.note_voters(&announcement.voters);
         context.peers.expect(announcement.expected_modules);
         if announcement.target.is_none() {
             context.emit(Event::TargetWithdrawn);
@@ -449,7 +457,7 @@ impl Agent {
     }
 
     /// Handles a heartbeat; one that shows nothing new changes nothing that is due.
-    /// Enforces H2.
+    /// Enforces H2, Q4.
     fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
         let run = heartbeat.module.run(heartbeat.incarnation);
         if run.module == self.module() {
@@ -457,6 +465,13 @@ impl Agent {
             return true;
         }
         let context = &mut self.context;
+        if context.session.has_others(heartbeat.voters) {
+            if let Some(peer) = context.peers.get_mut(run.module) {
+                peer.has_other_voters = true;
+            }
+            context.refuse(Some(run.module), Refusal::OtherVoters);
+            return true;
+        }
         let liveness = context.liveness();
         let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
         let is_clock_in_doubt = news.is_ok() && self.doubt_clock(run.module);
@@ -484,7 +499,7 @@ impl Agent {
                 self.note_shown(&heartbeat);
                 // A state that was kept may have become its own.
                 self.handle_bodies_of(run.module);
-                self.handle_kept_roster_of(run.module);
+                self.handle_early_roster_of(run.module);
             }
             Err(refusal) => {
                 if refusal == Refusal::StaleIncarnation {
@@ -496,20 +511,13 @@ impl Agent {
         true
     }
 
-    /// Records the epoch that a heartbeat shows. With a digest, its roster may have been agreed on.
+    /// Records the epoch that a heartbeat shows, and whether it shows a plan.
     fn note_shown(&mut self, heartbeat: &Heartbeat) {
         let Some(epoch) = heartbeat.epoch else {
             return;
         };
         self.context.note_epoch(epoch);
-        if let Some(roster) = self.stage.roster()
-            && heartbeat.digest.is_some()
-            && roster.epoch == epoch
-            && !self.context.memory.quorum.has_noted(epoch)
-        {
-            let basis = roster.quorum_basis();
-            self.context.memory.quorum.note_shown(epoch, &basis);
-        }
+        self.context.session.has_seen_plan |= heartbeat.digest.is_some();
     }
 
     fn handle_claim(&mut self, source: Option<SourceId>, claim: Arc<SpotClaim>) {

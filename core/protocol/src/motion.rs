@@ -82,11 +82,10 @@ impl Agent {
         self.context.fail_motion(spot);
     }
 
-    /// A module that is out of service stays a member: it freezes, computes and agrees like any other, and so counts
-    /// towards the majority of earlier rosters. Later rosters need no majority that includes it. Only the plan passes it
-    /// over: a spare takes its spot, or the spot is reported open. It undocks from all modules, and moves off a spot that
+    /// A module that is out of service stays a member: it freezes, computes and agrees like any other, and votes. Only
+    /// the plan passes it over: a spare takes its spot, or the spot is reported open. It undocks from all modules, and moves off a spot that
     /// another one takes.
-    /// Enforces S5.
+    /// Enforces S2, S5.
     pub(super) fn handle_command(&mut self, command: Command) {
         let (service, event) = match command {
             Command::Retire => (Service::Retired, Event::Retired),

@@ -3,9 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{
-    Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, ModuleState, SourceId, Voter,
-};
+use formation_model::{Epoch, Heartbeat, Incarnation, ModulePhase, ModuleState, SourceId};
 
 use super::clock_offset::ClockOffset;
 
@@ -31,6 +29,8 @@ pub(super) struct Peer {
     pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
     pub source: Option<SourceId>,
+    /// Whether its heartbeats show that it belongs to a session with other voters.
+    pub has_other_voters: bool,
     /// When its latest heartbeat was sent, by this module's clock.
     alive_at: Option<Duration>,
     /// When the first message of this incarnation came.
@@ -56,6 +56,7 @@ impl Peer {
             kept: None,
             replaces: None,
             source,
+            has_other_voters: false,
             alive_at: None,
             first_seen: now,
             clock: None,
@@ -66,10 +67,15 @@ impl Peer {
         }
     }
 
-    /// The module with the memory that counts towards majorities, as its latest heartbeat shows it.
-    pub fn voter(&self, module: ModuleId) -> Voter {
-        let run = module.run(self.incarnation);
-        Voter::new(run, self.heartbeat.and_then(|heartbeat| heartbeat.store))
+    /// Whether its latest heartbeat says that it has forgotten nothing.
+    pub fn knows(&self) -> bool {
+        self.heartbeat.is_some_and(|heartbeat| heartbeat.knows)
+    }
+
+    /// Whether its latest heartbeat says that it knows who votes.
+    pub fn knows_voters(&self) -> bool {
+        self.heartbeat
+            .is_some_and(|heartbeat| heartbeat.voters != 0)
     }
 
     /// Whether it has taken the place of this run.

@@ -131,6 +131,10 @@ impl Peers {
         gone.is_some_and(|module| self.peers.remove(&module).is_some())
     }
 
+    pub fn get_mut(&mut self, module: ModuleId) -> Option<&mut Peer> {
+        self.peers.get_mut(&module)
+    }
+
     pub fn get(&self, module: ModuleId) -> Option<&Peer> {
         self.peers.get(&module)
     }
@@ -373,12 +377,6 @@ impl Peers {
         }
     }
 
-    /// A module leaves a roster of this one; see [`Peer::note_interruption`].
-    pub fn note_interruption(&mut self, module: ModuleId) -> bool {
-        let peer = self.peers.get_mut(&module);
-        peer.is_some_and(Peer::note_interruption)
-    }
-
     /// A roster lists these modules, in ascending order.
     pub fn note_listed(&mut self, members: impl Iterator<Item = ModuleId>) {
         let mut members = members.peekable();
@@ -520,7 +518,8 @@ mod tests {
         Heartbeat {
             module: ModuleId(1),
             incarnation: Incarnation(incarnation),
-            store: None,
+            knows: true,
+            voters: 0,
             sequence,
             uptime: Duration::from_secs(uptime_s),
             epoch: None,

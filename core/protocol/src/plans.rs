@@ -189,7 +189,7 @@ pub(super) mod tests {
     use formation_generate::{GeneratorParameters, Grouping, generate};
     use formation_model::{
         BodyReport, Epoch, Incarnation, Polyline, Pose, Roster, RosterMember, Scenario, Service,
-        TargetAnnouncement, Whereabouts, standing_bodies,
+        TargetAnnouncement, Voters, Whereabouts, standing_bodies,
     };
 
     pub(crate) fn problem(seed: u64) -> Arc<PlanningProblem> {
@@ -202,7 +202,8 @@ pub(super) mod tests {
     pub(crate) fn roster(problem: &PlanningProblem) -> Roster {
         let members = problem.modules().iter().map(|module| RosterMember {
             incarnation: Incarnation(1),
-            store: None,
+            knows: true,
+            is_idle: true,
             service: Service::Active,
             module: module.clone(),
         });
@@ -215,7 +216,7 @@ pub(super) mod tests {
             },
             target,
             members: members.collect(),
-            quorum_bases: Vec::new(),
+            voters: Voters::default(),
             timing: AgentParameters::default().timing(),
             bodies: Vec::new(),
         }

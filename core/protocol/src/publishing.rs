@@ -69,7 +69,7 @@ impl Agent {
         let context = &self.context;
         let (at, drive) = context.robot.drive_state(context.now);
         let mut state = ModuleState {
-            store: context.own.store,
+            knows: context.session.knows(),
             sequence: context.outbox.states.sequence,
             epoch: self.epoch(),
             digest: self.digest(),
@@ -91,11 +91,13 @@ impl Agent {
         let applied_turns = self.applied_turns();
         let steps_done = self.stage.steps_done();
         let own = self.context.own;
+        let session = &self.context.session;
         let heartbeats = &mut self.context.outbox.heartbeats;
         Heartbeat {
             module: own.run.module,
             incarnation: shown.incarnation,
-            store: own.store,
+            knows: session.knows(),
+            voters: session.voters_digest(),
             sequence: heartbeats.sequence,
             uptime: self.context.now.saturating_sub(own.started),
             epoch: shown.epoch,

@@ -48,8 +48,10 @@ refusals! {
     ContradictingTarget = "contradicting_target": "it announces another target under a known revision",
     /// Its roster contradicts itself or this module's announced state.
     BadRoster = "bad_roster": "its roster contradicts itself or our announced state",
-    /// Its roster lacks a majority of an earlier one.
-    NoQuorum = "no_quorum": "its roster lacks a majority of an earlier one",
+    /// Its roster lacks a majority of the voters.
+    NoQuorum = "no_quorum": "its roster lacks a majority of the voters",
+    /// Its roster does not list votes as removed that were.
+    UnlistedVotes = "unlisted_votes": "its roster does not list votes as removed that were",
     /// Its roster opens a spot on which this module knows a body, or does not say where a body is.
     UnlistedBody = "unlisted_body": "its roster lacks a body that is known to stand on a spot or in the way",
     /// Its roster lists as removed a module that this one hears, or for which it has not listened for long enough.
@@ -66,8 +68,8 @@ refusals! {
     ImplausibleRevision = "implausible_revision": "its revision is too far ahead of our clock and of every known one",
     /// Its roster is for other heartbeat, suspicion and lease times than this module has.
     DifferentTiming = "different_timing": "its roster is for another heartbeat_s, suspicion_s or lease_s than ours",
-    /// It names other founders than are known.
-    OtherFounders = "other_founders": "it names other founders than are known",
+    /// It names other voters than are known.
+    OtherVoters = "other_voters": "it names other voters than this session has; begin a new session for them",
     /// It shows a body of another session under the number of a module of this one.
     NumberOfOtherSession = "number_of_other_session": "a module of another session has the number of one of this session; no plan leads around its body",
     /// It came before its turn, and the buffer for early claims is full.

@@ -6,33 +6,34 @@ use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
 use formation_model::{
-    ClosedRoster, ModuleId, Roster, RosterMember, RosterMessage, Service, SourceId, Voter, digest,
+    ClosedRoster, ModuleId, Roster, RosterMember, RosterMessage, Service, SourceId, digest,
 };
 
-use super::memory::Memory;
+use super::peer::Peer;
 use super::refusal::Refusal;
+use super::session::{shortfall_of, votes_of};
 use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
 use super::{Agent, AgentParameters};
 
 /// The latest messages of at most this many conveners are kept, so that few strangers take the place of none.
 const KEPT_MAX: usize = 16;
 
-/// A message of a convener that is not known yet or whose former run still counts as live, one that comes while this module
-/// stands back, or a roster that lacks a majority. It comes only once, so it is kept until more is known.
+/// A message of a convener that is not known yet or whose former run still counts as live, or one that comes while this module
+/// stands back. It comes only once, so it is kept until more is known.
 #[derive(Clone, Debug)]
-struct KeptRoster {
+struct EarlyRoster {
     source: Option<SourceId>,
     message: RosterMessage,
 }
 
 /// The latest kept message of each convener.
 #[derive(Clone, Debug, Default, Hash)]
-pub(super) struct KeptRosters(BTreeMap<ModuleId, KeptRoster>);
+pub(super) struct EarlyRosters(BTreeMap<ModuleId, EarlyRoster>);
 
-impl KeptRosters {
+impl EarlyRosters {
     /// Keeps a message, if need be in the place of the one of the earliest epoch.
     /// Enforces G7.
-    fn keep(&mut self, kept: KeptRoster) {
+    fn keep(&mut self, kept: EarlyRoster) {
         let epoch = kept.message.epoch();
         let known = self.0.get(&epoch.convener);
         if known.is_some_and(|known| known.message.epoch() > epoch) {
@@ -47,7 +48,7 @@ impl KeptRosters {
     }
 }
 
-impl Hash for KeptRoster {
+impl Hash for EarlyRoster {
     fn hash<H: Hasher>(&self, state: &mut H) {
         (self.source, self.message.epoch()).hash(state);
         if let RosterMessage::Plan(roster) = &self.message {
@@ -71,6 +72,11 @@ impl Agent {
         let Some(convener) = convener else {
             return self.keep_roster(source, message);
         };
+        if convener.has_other_voters {
+            return self
+                .context
+                .refuse(Some(epoch.convener), Refusal::OtherVoters);
+        }
         let run = epoch.convener.run(convener.incarnation);
         let convener = Some(epoch.convener);
         if let Err(refusal) = self.context.peers.check_source(run, source) {
@@ -94,15 +100,11 @@ impl Agent {
                 let gathering = Gathering::join(context, epoch, run.incarnation, target);
                 self.stage = Stage::Gathering(gathering);
             }
-            RosterMessage::Plan(roster) => match self.follow(Arc::clone(&roster)) {
-                Ok(()) => self.handle_kept_rosters(),
-                Err(refusal) => {
-                    if refusal == Refusal::NoQuorum {
-                        self.lack_quorum_for(roster, source);
-                    }
+            RosterMessage::Plan(roster) => {
+                if let Err(refusal) = self.follow(roster) {
                     self.context.refuse(convener, refusal);
                 }
-            },
+            }
         }
     }
 
@@ -115,7 +117,8 @@ impl Agent {
             roster.epoch.convener == own && roster.member(convener).is_some()
         });
         let context = &mut self.context;
-        if is_left && context.peers.note_interruption(convener) {
+        let peer = context.peers.get_mut(convener).filter(|_| is_left);
+        if peer.is_some_and(Peer::note_interruption) {
             // Until this module has closed its next roster.
             let AgentParameters {
                 gather_limit,
@@ -127,39 +130,24 @@ impl Agent {
         }
     }
 
-    /// Keeps a roster that lacks a majority, as it is judged again when this module follows another or its convener shows
-    /// more. A module that waits for a quorum, or stands aside for an earlier roster, shows the epoch that it could not
-    /// follow, so that the members of that call it to the next one.
-    /// Enforces E12.
-    fn lack_quorum_for(&mut self, roster: Arc<ClosedRoster>, source: Option<SourceId>) {
-        let epoch = roster.epoch;
-        if self.context.shortfall.is_some() || matches!(self.stage, Stage::Outsider(_)) {
-            self.leave_epoch();
-            self.context.memory.note_epoch(epoch);
-            self.stage = Stage::Listening(Some(epoch));
-        } else {
-            self.keep_roster(source, RosterMessage::Plan(roster));
-        }
-    }
-
     fn keep_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
-        self.kept_rosters.keep(KeptRoster { source, message });
+        self.early_rosters.keep(EarlyRoster { source, message });
     }
 
     /// Handles the kept messages again, the latest epoch first, as this module knows more.
     /// Enforces G7.
-    pub(super) fn handle_kept_rosters(&mut self) {
-        let kept = std::mem::take(&mut self.kept_rosters.0).into_values();
-        let mut kept: Vec<KeptRoster> = kept.collect();
+    pub(super) fn handle_early_rosters(&mut self) {
+        let kept = std::mem::take(&mut self.early_rosters.0).into_values();
+        let mut kept: Vec<EarlyRoster> = kept.collect();
         kept.sort_by_key(|kept| Reverse(kept.message.epoch()));
-        for KeptRoster { source, message } in kept {
+        for EarlyRoster { source, message } in kept {
             self.handle_roster(source, message);
         }
     }
 
     /// Handles the kept message of a convener again, as that shows more.
-    pub(super) fn handle_kept_roster_of(&mut self, convener: ModuleId) {
-        if let Some(KeptRoster { source, message }) = self.kept_rosters.0.remove(&convener) {
+    pub(super) fn handle_early_roster_of(&mut self, convener: ModuleId) {
+        if let Some(EarlyRoster { source, message }) = self.early_rosters.0.remove(&convener) {
             self.handle_roster(source, message);
         }
     }
@@ -177,12 +165,9 @@ impl Agent {
             self.check_own_entry(&roster, mine, is_frozen)?;
         }
         self.check_target(&roster)?;
-        let memory = self.judge_quorum(&roster)?;
-        // Members answer for what they learn. To a module that stands aside a stranger may show any roster of its own. What the
-        // majorities of a roster are does not depend on the bodies in it: a member that refuses these counts as the others do when
-        // it opens the next epoch.
+        self.judge_quorum(&roster)?;
         if mine.is_some() {
-            self.context.memory = memory;
+            self.context.session.note_voters(&roster.voters.named);
             self.context.check_removals(&roster)?;
             self.context.check_bodies(&roster)?;
         }
@@ -244,24 +229,19 @@ impl Agent {
         }
     }
 
-    /// What a member remembers with a roster that has every majority that it needs. A roster that lacks one teaches nothing, so
-    /// that invented bases cannot keep the modules from forming.
-    /// Enforces Q5.
-    fn judge_quorum(&mut self, roster: &Roster) -> Result<Memory, Refusal> {
-        let context = &mut self.context;
-        let mut memory = context.memory.clone();
-        let bases = &roster.quorum_bases;
-        if bases.iter().any(|basis| basis.epoch >= roster.epoch)
-            || memory.contradicts_founders(&roster.target)
-        {
-            return Err(Refusal::BadRoster);
+    /// Checks that a roster holds a majority of the voters of this session, and lists the votes that were removed.
+    /// Enforces Q1, Q3, Q4.
+    fn judge_quorum(&self, roster: &Roster) -> Result<(), Refusal> {
+        let session = &self.context.session;
+        let voters = &roster.voters;
+        if session.contradicts(&voters.named) || session.contradicts(&roster.target.voters) {
+            return Err(Refusal::OtherVoters);
         }
-        memory.note_founders(&roster.target);
-        memory.quorum.learn(bases);
-        let voters: Vec<Voter> = roster.members.iter().map(RosterMember::voter).collect();
-        let shortfall = context.shortfall_of(&memory, &voters, Some(&roster.target));
-        match shortfall.or_else(|| memory.quorum.lacks_room_for(&roster.quorum_basis())) {
-            None => Ok(memory),
+        if !session.covers(voters) {
+            return Err(Refusal::UnlistedVotes);
+        }
+        match shortfall_of(voters, votes_of(&roster.members), Some(&roster.target)) {
+            None => Ok(()),
             Some(_) => Err(Refusal::NoQuorum),
         }
     }

@@ -10,7 +10,7 @@
 
 use std::time::Duration;
 
-use formation_model::{BodyReport, Incarnation, ModuleRun, Voter};
+use formation_model::{BodyReport, Incarnation, ModuleRun};
 
 use super::Agent;
 use super::context::Own;
@@ -30,7 +30,7 @@ pub(super) struct Succession {
     standing_back_until: Option<Duration>,
     /// The later run of this module by which the others have replaced this one.
     succeeded_by: Option<Incarnation>,
-    /// The number that this run is to exceed once it has stood back, as it counts in no majority yet.
+    /// The number that this run is to exceed once it has stood back.
     to_exceed: Option<Incarnation>,
     /// The run of a duplicate, of this or another module, that was last reported.
     reported: Option<Incarnation>,
@@ -117,15 +117,13 @@ impl Agent {
         }
     }
 
-    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A
-    /// run that counts in a majority keeps its number, with which its memory would be lost; those who receive it know where its
-    /// body is.
+    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A run that
+    /// has shown a plan keeps its number, as others have accepted it; those who receive it know where its body is.
     pub(super) fn note_named_run(&mut self, named: Incarnation) {
         let context = &self.context;
-        let own = Voter::new(context.own.run, context.own.store);
         let is_later = named > context.own.run.incarnation && context.is_plausible(named.0);
         let is_new = self.succession.to_exceed < Some(named);
-        if is_later && is_new && !context.memory.quorum.lists(own) {
+        if is_later && is_new && !context.session.has_shown_plan {
             self.succession.to_exceed = Some(named);
             self.succession.note_successor(named);
             self.stand_back();

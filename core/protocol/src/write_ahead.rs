@@ -18,17 +18,17 @@ impl Agent {
     /// Enforces Q9, H3.
     #[must_use]
     pub fn restored(mut self, stored: Option<DurableState>) -> Self {
-        debug_assert!(self.context.own.store.is_some(), "only a store restores");
         let Some(stored) = stored else {
             return self;
         };
         let context = &mut self.context;
-        let memory = &mut context.memory;
+        let session = &mut context.session;
         for epoch in [stored.entered, stored.highest].into_iter().flatten() {
-            memory.note_epoch(epoch);
+            session.note_epoch(epoch);
         }
-        memory.founders = stored.founders;
-        memory.quorum.learn(&stored.quorum_bases);
+        session.is_first_run = false;
+        session.was_in_force = stored.knows;
+        session.restore_voters(&stored.voters);
         context.robot.service = stored.service;
         let has_stayed = context.robot.pose.distance_to(&stored.pose) <= RETENTION_DISTANCE;
         let is_as_stored = context.robot.pose == stored.pose && context.robot.links == stored.links;
@@ -74,9 +74,9 @@ impl Agent {
         let context = &self.context;
         DurableState {
             entered: self.stage.epoch(),
-            highest: context.memory.highest_epoch(),
-            founders: context.memory.founders.clone(),
-            quorum_bases: context.memory.quorum.bases(),
+            highest: context.session.highest_epoch(),
+            knows: context.session.knows(),
+            voters: context.session.voters().clone(),
             service: context.robot.service,
             // A module that sets off leaves its spot once this is stored.
             settled_on: context
@@ -97,6 +97,8 @@ impl Agent {
             incarnation: self.context.own.run.incarnation,
             entered: self.stage.epoch(),
             shows_digest: self.stage.held_plan().is_some(),
+            knows: self.context.session.knows(),
+            votes_removed: self.context.session.votes_removed(),
             service: body.service,
             settled_on: body.settled_on,
             stands_at: (!body.moving).then_some(body.pose),

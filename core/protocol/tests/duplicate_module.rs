@@ -3,13 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
 use std::collections::BTreeSet;
-use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
     BodyReport, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose,
-    STAMP_AHEAD_MAX, Scenario, SourceId, Stop, StoreId, TargetAnnouncement, Whereabouts,
+    STAMP_AHEAD_MAX, Scenario, SourceId, Stop, TargetAnnouncement, Whereabouts,
 };
 use formation_protocol::{Agent, AgentParameters, Identity, Input, Output};
 
@@ -24,12 +23,12 @@ fn at(seconds: u64) -> Duration {
 
 /// The later run of module 4 at time `now`, alone with a target.
 fn successor(now: Duration) -> Agent {
-    run_with(None, 1, now)
+    run_with(false, 1, now)
 }
 
-/// The same among this number of modules, with a store if one is given.
-fn run_with(store: Option<StoreId>, expected: u32, now: Duration) -> Agent {
-    let mut agent = run(store);
+/// The same among this number of modules, with a store or without.
+fn run_with(has_store: bool, expected: u32, now: Duration) -> Agent {
+    let mut agent = run(has_store);
     handle(&mut agent, Duration::ZERO, target_for(expected));
     let mut time = Duration::ZERO;
     while time < now {
@@ -52,12 +51,13 @@ fn target_for(expected: u32) -> Message {
     }))
 }
 
-fn run(store: Option<StoreId>) -> Agent {
+fn run(has_store: bool) -> Agent {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     let problem = scenario.problem();
     let module = &problem.modules()[0];
     let identity = Identity {
-        store,
+        has_store,
+        is_first_run: true,
         module: module.id,
         incarnation: Incarnation(2),
         pose: module.pose,
@@ -65,11 +65,7 @@ fn run(store: Option<StoreId>) -> Agent {
         configuration: None,
         leader: None,
     };
-    let agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
-    match store {
-        Some(_) => agent.restored(None),
-        None => agent,
-    }
+    Agent::new(identity, AgentParameters::default(), Duration::ZERO)
 }
 
 /// The incarnations in the heartbeats of an agent between these seconds, in which its store writes or does not.
@@ -133,7 +129,8 @@ fn heartbeat_of(incarnation: u64) -> Message {
 
 fn heartbeat(incarnation: u64) -> Heartbeat {
     Heartbeat {
-        store: None,
+        knows: true,
+        voters: 0,
         module: ModuleId(4),
         incarnation: Incarnation(incarnation),
         sequence: 100,
@@ -180,13 +177,13 @@ fn an_earlier_run_that_resumes_does_not_replace_its_successor() {
 /// Shows M7.
 #[test]
 fn a_run_goes_on_above_a_later_one_that_is_silent() {
-    for store in [None, NonZeroU64::new(7).map(StoreId)] {
-        let mut agent = run_with(store, 2, at(6));
+    for has_store in [false, true] {
+        let mut agent = run_with(has_store, 2, at(6));
         handle(&mut agent, at(6), report_on_run(9));
         agent.handle(at(6), Input::Persisted(u64::MAX));
         let before = incarnations(&mut agent, 6, 11, true);
         assert_eq!(before, [2].into(), "it stands back for suspicion_s");
-        if store.is_some() {
+        if has_store {
             let unwritten = incarnations(&mut agent, 11, 14, false);
             assert_eq!(
                 unwritten,
@@ -202,7 +199,7 @@ fn a_run_goes_on_above_a_later_one_that_is_silent() {
 }
 
 #[test]
-fn a_run_that_counts_in_a_majority_keeps_its_number() {
+fn a_run_that_has_shown_a_plan_keeps_its_number() {
     let mut agent = successor(at(20));
     assert!(agent.digest().is_some(), "it holds a plan for itself");
     let epoch = agent.epoch();
@@ -213,7 +210,7 @@ fn a_run_that_counts_in_a_majority_keeps_its_number() {
 
 #[test]
 fn a_run_stays_below_a_later_one_as_long_as_that_sends() {
-    let mut agent = run_with(None, 2, at(6));
+    let mut agent = run_with(false, 2, at(6));
     handle(&mut agent, at(6), report_on_run(9));
     for second in 6..60 {
         handle(&mut agent, at(second), heartbeat_of(9));
@@ -225,7 +222,7 @@ fn a_run_stays_below_a_later_one_as_long_as_that_sends() {
 /// Each learned of the other while that did not send: the later one goes on.
 #[test]
 fn two_processes_of_one_module_do_not_stand_back_for_each_other_for_good() {
-    let mut agent = run(None);
+    let mut agent = run(false);
     handle(&mut agent, at(0), report_on_run(9));
     handle(&mut agent, at(0), target_for(1));
     incarnations(&mut agent, 0, 7, true);
@@ -240,8 +237,8 @@ fn two_processes_of_one_module_do_not_stand_back_for_each_other_for_good() {
 /// A number that a store or a former run has raised does not raise what counts as plausible.
 #[test]
 fn what_is_plausible_follows_the_clock_and_not_the_number_of_the_run() {
-    let mut agent = run(None).started_at(0);
-    let mut by_its_number = run(None);
+    let mut agent = run(false).started_at(0);
+    let mut by_its_number = run(false);
     let ahead = Message::Heartbeat(Heartbeat {
         module: ModuleId(5),
         incarnation: Incarnation(STAMP_AHEAD_MAX + 1),

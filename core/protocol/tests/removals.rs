@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
-    Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, Pose, Stop,
+    Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, Pose, Removal, Stop,
 };
 use formation_protocol::{Agent, AgentParameters, Event, Identity, Input, Output, Refusal};
 
@@ -19,7 +19,8 @@ fn agent() -> Agent {
     let identity = Identity {
         module: ModuleId(1),
         incarnation: Incarnation(5),
-        store: None,
+        has_store: false,
+        is_first_run: false,
         pose: Pose::from_units(0.0, 0.0, 0.0).unwrap(),
         links: BTreeSet::new(),
         configuration: None,
@@ -48,7 +49,8 @@ fn heartbeat(sent_at: u64) -> Message {
     Message::Heartbeat(Heartbeat {
         module: OTHER.module,
         incarnation: OTHER.incarnation,
-        store: None,
+        knows: true,
+        voters: 0,
         sequence: sent_at,
         uptime: Duration::from_secs(sent_at),
         epoch: None,
@@ -70,7 +72,7 @@ fn a_report_is_dropped_at_the_first_heartbeat_that_was_sent_after_it() {
     }
     let proposed = Event::RemovalProposed(OTHER.module);
     let refuted = Event::RemovalRefuted(OTHER.module);
-    let report = || Message::Removal(OTHER);
+    let report = || Message::Removal(Removal::of_body(OTHER));
     assert_eq!(handle(&mut agent, 5, report()), [proposed]);
     assert_eq!(handle(&mut agent, 6, report()), [], "a report repeats");
     // They lay in a buffer, or were on their way.
@@ -92,7 +94,10 @@ fn a_report_of_an_unknown_run_is_counted_and_has_no_effect() {
     let runs = [6, 8, u64::MAX].map(|run| other.run(Incarnation(run)));
     let strangers = (3..10_000).map(|module| ModuleId(module).run(Incarnation(7)));
     for run in runs.into_iter().chain(strangers).chain([own]) {
-        assert_eq!(handle(&mut agent, 2, Message::Removal(run)), []);
+        assert_eq!(
+            handle(&mut agent, 2, Message::Removal(Removal::of_body(run))),
+            []
+        );
     }
     let refused = agent.refusals().of(Refusal::RemovalOfUnknownRun);
     assert_eq!(refused, 3 + 9_997 + 1);

@@ -14,9 +14,13 @@ pub const STOP: &str = "--stop";
 /// The option that lets them resume.
 pub const RESUME: &str = "--resume";
 
-/// The option that reports bodies as removed.
-pub fn removal(modules: &[u32]) -> Vec<String> {
-    vec!["--remove-module".to_owned(), joined(modules, ",")]
+/// The options that report bodies as removed, with the votes of their modules or without.
+pub fn removal(modules: &[u32], takes_votes: bool) -> Vec<String> {
+    let mut options = vec!["--remove-module".to_owned(), joined(modules, ",")];
+    if takes_votes {
+        options.push("--vote-too".to_owned());
+    }
+    options
 }
 
 /// The option that takes a module out of service, or back.

@@ -244,7 +244,8 @@ impl RunLoop<'_> {
                 && unassigned.any(|spare| !dead.contains(spare) && !out_of_service.contains(spare))
     }
 
-    /// Reports the bodies of these modules as removed: simulated robots vanish with their process.
+    /// Reports the bodies of these modules as removed: simulated robots vanish with their process, and their votes with them, as that
+    /// has ended for sure.
     fn report_removal(&mut self, modules: &[ModuleId]) {
         if self.orders.bodies_vanish && !modules.is_empty() {
             let name = format!(
@@ -252,7 +253,7 @@ impl RunLoop<'_> {
                 listed_in_full(modules.iter().copied())
             );
             let modules: Vec<u32> = modules.iter().map(|module| module.0).collect();
-            self.give(&name, &operator::removal(&modules));
+            self.give(&name, &operator::removal(&modules, true));
         }
     }
 

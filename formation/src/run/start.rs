@@ -84,7 +84,7 @@ impl Start<'_> {
         })
     }
 
-    /// Starts what announces the target of a scenario file to this many of the modules that founded the formation.
+    /// Starts what announces the target of a scenario file to this many modules, all of which vote.
     ///
     /// # Errors
     /// It cannot be started.
@@ -94,8 +94,7 @@ impl Start<'_> {
         scenario: &Path,
         modules: usize,
     ) -> Result<ProcessId, Failure> {
-        let founders = self.problem.modules().iter();
-        let ids: Vec<String> = founders.map(|module| module.id.0.to_string()).collect();
+        let voters = ranges(self.problem.modules().iter().map(|module| module.id));
         let mut command = self.programs.command("target_publisher");
         command.arg("--scenario").arg(scenario);
         self.node(
@@ -105,8 +104,8 @@ impl Start<'_> {
             &[
                 "--expected-modules",
                 &modules.to_string(),
-                "--founders",
-                &ids.join(","),
+                "--voters",
+                &voters,
             ],
             ProcessOutput::Discarded,
         )
@@ -215,7 +214,12 @@ impl Start<'_> {
         };
         let speed = motion.speed.to_string();
         let state_dir = self.stores.directory.to_string_lossy();
+        let voters = ranges(self.problem.modules().iter().map(|module| module.id));
         let mut options = vec![option, &list, "--state-dir", &state_dir];
+        options.extend(["--voters", &voters]);
+        if self.stores.is_new_session {
+            options.push("--new-session");
+        }
         options.extend(["--speed", &speed, "--motion", motion.mode()]);
         let tolerances = motion.world.module_options();
         options.extend(tolerances.iter().map(String::as_str));

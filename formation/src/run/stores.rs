@@ -12,6 +12,8 @@ use crate::console;
 /// The session of a run, and the directory of its stores.
 pub struct RunStores {
     pub session: u32,
+    /// Whether the session was drawn, so that nothing was agreed in it before.
+    pub is_new_session: bool,
     pub directory: PathBuf,
     /// Deleted with this value; `None` if the user keeps the stores.
     _temporary: Option<TempDir>,
@@ -49,6 +51,7 @@ impl RunStores {
         };
         Ok(Self {
             session,
+            is_new_session: arguments.session.is_none(),
             directory,
             _temporary: temporary,
         })

@@ -145,7 +145,8 @@ pub(crate) fn single_module(module: ModuleId, pose: Pose) -> Identity {
     Identity {
         module,
         incarnation: stamp::incarnation(),
-        store: None,
+        has_store: false,
+        is_first_run: false,
         pose,
         links: BTreeSet::new(),
         configuration: None,

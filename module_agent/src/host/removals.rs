@@ -1,7 +1,7 @@
 //! Reports that bodies were taken away, by a service of each process of modules: where a user's program announces the target, no target
 //! publisher serves them.
 
-use formation_model::{Message, Timing};
+use formation_model::{Message, Removal, Timing};
 use formation_msgs::{RemoveModuleRequest, RemoveModuleResponse};
 use formation_node_support::removal_requests::{self, Request};
 use formation_protocol::Agent;
@@ -45,7 +45,7 @@ impl Host {
         self.arrived.push(Arrived {
             source: self.source,
             sender: None,
-            message: Message::Removal(run),
+            message: Message::Removal(Removal::of_body(run)),
         });
         Ok(removal_requests::were_reported([module], timing))
     }
@@ -79,7 +79,8 @@ mod tests {
         Message::Heartbeat(Heartbeat {
             module: ModuleId(module),
             incarnation: Incarnation(7),
-            store: None,
+            knows: true,
+            voters: 0,
             sequence,
             uptime: SECOND * u32::try_from(sequence).unwrap(),
             epoch: None,
@@ -103,6 +104,7 @@ mod tests {
             modules,
             parameters,
             &motion,
+            &[],
             KeptMemory::default(),
         );
         host.take_message(SourceId(2), heartbeat(5, 1));

@@ -1,10 +1,7 @@
 //! Stores that are written, damaged, shared and refused.
 
-use std::num::NonZeroU64;
-
 use formation_model::{
-    BodyReport, Digest, Epoch, Polyline, Pose, QuorumBasis, Service, SpotId, Stop, Voter,
-    VoterMemory, Whereabouts,
+    BodyReport, Digest, Epoch, Polyline, Pose, Service, SpotId, Stop, Voters, Whereabouts,
 };
 use tempfile::TempDir;
 
@@ -25,22 +22,15 @@ fn state() -> DurableState {
         number: u64::MAX,
         convener: ModuleId(4),
     };
-    let voter = |module, memory| Voter {
-        module: ModuleId(module),
-        memory,
-    };
     DurableState {
         entered: Some(epoch),
         highest: Some(epoch),
-        founders: vec![ModuleId(4), ModuleId(5)],
-        quorum_bases: vec![QuorumBasis {
-            epoch,
-            agreed: true,
-            members: vec![
-                voter(4, VoterMemory::Stored(StoreId(NonZeroU64::MAX))),
-                voter(5, VoterMemory::Volatile(Incarnation(u64::MAX))),
-            ],
-        }],
+        knows: true,
+        voters: Voters {
+            named: vec![ModuleId(4), ModuleId(5), ModuleId(6)],
+            removed: modules(&[6]),
+            listed: modules(&[5]),
+        },
         service: Service::Retired,
         settled_on: Some((SpotId(3), Digest(u64::MAX))),
         pose: Pose::from_units(-1.5, 2.0, 0.5).unwrap(),
@@ -71,7 +61,7 @@ fn held(store: &Store) -> Contents {
 /// Adds entries for modules, of which the first has a state.
 fn fill(contents: &mut Contents, ids: &[u32]) {
     for &id in ids {
-        let mut entry = Entry::empty(Incarnation(9), false).unwrap();
+        let mut entry = Entry::empty(Incarnation(9), false);
         entry.state = (id == ids[0]).then(state);
         contents.modules.insert(ModuleId(id), entry);
     }
@@ -103,8 +93,6 @@ fn a_store_holds_what_was_written_last() {
     let (directory, mut contents) = written();
     let (store, found) = open(&directory, "modules", &[4, 5]).unwrap();
     assert_eq!(found, contents);
-    let ids: BTreeSet<StoreId> = found.modules.values().map(|entry| entry.store).collect();
-    assert_eq!(ids.len(), 2, "each module has a store of its own");
     let earlier = contents.clone();
     fill(&mut contents, &[4, 5]);
     store.write(2, &contents).unwrap();
@@ -141,16 +129,12 @@ fn holding(states: &[(u32, &DurableState)]) -> Contents {
 fn what_modules_know_of_all_others_is_stored_once_and_written_only_when_it_changes() {
     let directory = tempfile::tempdir().unwrap();
     let (store, _) = open(&directory, "modules", &[4, 5]).unwrap();
-    let members = (0..1_000).map(|module| Voter {
-        module: ModuleId(module),
-        memory: VoterMemory::Volatile(Incarnation(u64::MAX)),
-    });
     let mut common = state();
-    common.quorum_bases[0].members = members.collect();
+    common.voters.named = (0..1_000).map(ModuleId).collect();
     let mut moved = common.clone();
     moved.pose = Pose::default();
     let mut other = moved.clone();
-    other.founders.clear();
+    other.voters.removed.clear();
     let mut sizes = Vec::new();
     let steps = [&common, &common, &moved, &other];
     for (number, fifth) in (1..).zip(steps) {
@@ -240,7 +224,7 @@ fn a_file_that_is_missing_next_to_its_shared_file_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (store, mut contents) = open(&directory, "modules", &[4, 5]).unwrap();
     for id in [4, 5] {
-        let entry = Entry::empty(Incarnation(9), false).unwrap();
+        let entry = Entry::empty(Incarnation(9), false);
         contents.modules.insert(ModuleId(id), entry);
     }
     store.write(1, &contents).unwrap();
@@ -290,9 +274,9 @@ fn a_file_of_which_a_digit_has_changed_is_refused() {
 #[test]
 fn a_file_of_a_later_version_is_refused() {
     let (directory, _) = written();
-    fs::write(path(&directory), r#"{"format": 6, "cells": []}"#).unwrap();
+    fs::write(path(&directory), r#"{"format": 7, "cells": []}"#).unwrap();
     let reason = refusal(&directory);
-    assert!(reason.contains("has format 6"), "{reason}");
+    assert!(reason.contains("has format 7"), "{reason}");
     assert!(reason.contains("use the version that wrote it"), "{reason}");
 }
 

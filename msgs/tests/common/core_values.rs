@@ -1,7 +1,6 @@
 //! Strategies for everything that agents may send to each other.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,10 +8,9 @@ use formation_model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
     ModuleRun, ModuleState, MotionMode, PaperBundle, PaperOptions, PlannerParameters,
-    PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawSpot, RawTarget, Roster, RosterMember,
-    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Spread, Stop, StoreId,
-    TURNS_MAX, Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights,
-    Whereabouts,
+    PlanningModule, Policy, Polyline, Pose, RawSpot, RawTarget, Removal, Roster, RosterMember,
+    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Spread, Stop, TURNS_MAX,
+    Target, TargetAnnouncement, Timing, TurnOrder, Voters, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -220,7 +218,7 @@ pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
         module_ids(),
     )
         .prop_map(
-            |(revision, name, target, parameters, expected_modules, founders)| TargetAnnouncement {
+            |(revision, name, target, parameters, expected_modules, voters)| TargetAnnouncement {
                 revision,
                 name,
                 target: target.map(|(target, surroundings)| {
@@ -228,7 +226,7 @@ pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
                 }),
                 parameters,
                 expected_modules,
-                founders: founders.into_iter().collect(),
+                voters: voters.into_iter().collect(),
             },
         )
 }
@@ -243,29 +241,15 @@ fn marks() -> impl Strategy<Value = Vec<CausalMark>> {
     })
 }
 
-fn store_id() -> impl Strategy<Value = StoreId> {
-    any::<NonZeroU64>().prop_map(StoreId)
+fn some_modules() -> impl Strategy<Value = BTreeSet<ModuleId>> {
+    module_ids().prop_map(|modules| modules.into_iter().collect())
 }
 
-fn quorum_bases() -> impl Strategy<Value = Vec<QuorumBasis>> {
-    let memory = prop_oneof![
-        incarnation().prop_map(VoterMemory::Volatile),
-        store_id().prop_map(VoterMemory::Stored),
-    ];
-    vec((epoch(), any::<bool>(), module_ids(), memory), 0..3).prop_map(|bases| {
-        let mut seen = BTreeSet::new();
-        bases
-            .into_iter()
-            .filter(|(epoch, ..)| seen.insert(*epoch))
-            .map(|(epoch, agreed, modules, memory)| QuorumBasis {
-                epoch,
-                agreed,
-                members: modules
-                    .into_iter()
-                    .map(|module| Voter { module, memory })
-                    .collect(),
-            })
-            .collect()
+fn voters() -> impl Strategy<Value = Voters> {
+    (some_modules(), some_modules(), some_modules()).prop_map(|(named, removed, listed)| Voters {
+        named: named.into_iter().collect(),
+        removed,
+        listed,
     })
 }
 
@@ -341,7 +325,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
     (
         planning_module(),
         (
-            (incarnation(), option::of(store_id())),
+            (incarnation(), any::<(bool, bool)>()),
             any::<u64>(),
             epoch_and_digest(),
         ),
@@ -354,23 +338,31 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
         (
             marks(),
             marks(),
-            quorum_bases(),
+            (some_modules(), some_modules()),
             bodies(),
             removals(),
-            removals(),
+            runs(),
         ),
     )
         .prop_map(
             |(
                 module,
-                ((incarnation, store), sequence, (epoch, digest)),
+                ((incarnation, (knows, is_idle)), sequence, (epoch, digest)),
                 (phase, service, at, drive),
                 (unit, steps_done, since),
-                (waited_for, agreed_on, quorum_bases, bodies, proposed_removals, refuted_removals),
+                (
+                    waited_for,
+                    agreed_on,
+                    (removed_voters, listed_voters),
+                    bodies,
+                    proposed_removals,
+                    refuted_removals,
+                ),
             )| ModuleState {
                 module: module.id,
                 incarnation,
-                store,
+                knows,
+                is_idle,
                 sequence,
                 epoch,
                 digest,
@@ -388,7 +380,8 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 settled_since: since.min(sequence),
                 waited_for,
                 agreed_on,
-                quorum_bases,
+                removed_voters,
+                listed_voters,
                 bodies,
                 proposed_removals,
                 refuted_removals,
@@ -410,55 +403,55 @@ fn roster() -> impl Strategy<Value = Roster> {
         announcement().prop_map(for_any_members),
         vec(
             (
-                (incarnation(), option::of(store_id()), service()),
+                (incarnation(), any::<(bool, bool)>(), service()),
                 planning_module(),
                 any::<Index>(),
             ),
             1..6,
         ),
-        (quorum_bases(), bodies()),
+        (voters(), bodies()),
         [0..1_000_000_u64, 0..1_000_000, 0..1_000_000],
     )
-        .prop_map(
-            |(epoch, target, mut members, (quorum_bases, bodies), times)| {
-                let [heartbeat, suspicion, lease] = times.map(Duration::from_millis);
-                members.sort_by_key(|(_, module, _)| module.id);
-                members.dedup_by_key(|(_, module, _)| module.id);
-                // Pins must be spots of the target, each for one member.
-                let mut free: Vec<SpotId> =
-                    target.target.as_ref().map_or_else(Vec::new, |target| {
-                        target.spots().iter().map(|spot| spot.id).collect()
-                    });
-                for (_, module, index) in &mut members {
-                    module.pin = (module.pin.is_some() && !free.is_empty())
-                        .then(|| free.remove(index.index(free.len())));
-                }
-                Roster {
-                    epoch,
-                    target,
-                    members: members
-                        .into_iter()
-                        .enumerate()
-                        .map(
-                            |(index, ((incarnation, store, service), module, _))| RosterMember {
+        .prop_map(|(epoch, target, mut members, (voters, bodies), times)| {
+            let [heartbeat, suspicion, lease] = times.map(Duration::from_millis);
+            members.sort_by_key(|(_, module, _)| module.id);
+            members.dedup_by_key(|(_, module, _)| module.id);
+            // Pins must be spots of the target, each for one member.
+            let mut free: Vec<SpotId> = target.target.as_ref().map_or_else(Vec::new, |target| {
+                target.spots().iter().map(|spot| spot.id).collect()
+            });
+            for (_, module, index) in &mut members {
+                module.pin = (module.pin.is_some() && !free.is_empty())
+                    .then(|| free.remove(index.index(free.len())));
+            }
+            Roster {
+                epoch,
+                target,
+                members: members
+                    .into_iter()
+                    .enumerate()
+                    .map(
+                        |(index, ((incarnation, (knows, is_idle), service), module, _))| {
+                            RosterMember {
                                 incarnation,
-                                store,
+                                knows,
+                                is_idle,
                                 // One member at least must be active for there to be something to plan.
                                 service: if index == 0 { Service::Active } else { service },
                                 module,
-                            },
-                        )
-                        .collect(),
-                    quorum_bases,
-                    bodies,
-                    timing: Timing {
-                        heartbeat,
-                        suspicion,
-                        lease,
-                    },
-                }
-            },
-        )
+                            }
+                        },
+                    )
+                    .collect(),
+                voters,
+                bodies,
+                timing: Timing {
+                    heartbeat,
+                    suspicion,
+                    lease,
+                },
+            }
+        })
 }
 
 pub fn roster_message() -> impl Strategy<Value = RosterMessage> {
@@ -531,7 +524,7 @@ pub fn eviction_notice() -> impl Strategy<Value = EvictionNotice> {
 fn heartbeat() -> impl Strategy<Value = Heartbeat> {
     (
         module_id(),
-        (incarnation(), option::of(store_id())),
+        (incarnation(), any::<(bool, u64)>()),
         1..=u64::MAX,
         (0..=i32::MAX.unsigned_abs(), 0..1_000_000_000_u32),
         epoch_and_digest(),
@@ -542,7 +535,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
         .prop_map(
             |(
                 module,
-                (incarnation, store),
+                (incarnation, (knows, voters)),
                 sequence,
                 (sec, nanosec),
                 (epoch, digest),
@@ -554,7 +547,8 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
                 Heartbeat {
                     module,
                     incarnation,
-                    store,
+                    knows,
+                    voters,
                     sequence,
                     uptime: Duration::new(sec.into(), nanosec),
                     epoch,
@@ -578,7 +572,7 @@ pub fn heartbeats() -> impl Strategy<Value = Vec<Heartbeat>> {
 }
 
 /// The runs of distinct modules, ascending.
-fn removals() -> impl Strategy<Value = Vec<ModuleRun>> {
+fn runs() -> impl Strategy<Value = Vec<ModuleRun>> {
     let run = (module_id(), (1..=u64::MAX).prop_map(Incarnation));
     vec(run, 0..4).prop_map(|runs| {
         let runs: BTreeMap<ModuleId, Incarnation> = runs.into_iter().collect();
@@ -588,8 +582,15 @@ fn removals() -> impl Strategy<Value = Vec<ModuleRun>> {
     })
 }
 
+fn removals() -> impl Strategy<Value = Vec<Removal>> {
+    (runs(), any::<bool>()).prop_map(|(runs, takes_vote)| {
+        let runs = runs.into_iter();
+        runs.map(|run| Removal { run, takes_vote }).collect()
+    })
+}
+
 /// A command to stop or to resume, and bodies that were taken away.
-pub fn commands() -> impl Strategy<Value = (Stop, Vec<ModuleRun>)> {
+pub fn commands() -> impl Strategy<Value = (Stop, Vec<Removal>)> {
     (any::<(u64, bool)>(), removals())
         .prop_map(|((revision, stopped), removals)| (Stop { revision, stopped }, removals))
 }

@@ -82,7 +82,6 @@ impl Collection {
             self.add(state);
             self.add(&state.epoch);
             self.add_all(&state.waited_for);
-            self.add_all(&state.quorum_bases);
             self.add_all(&state.bodies);
             self.add_all(&state.proposed_removals);
         }

@@ -107,17 +107,14 @@ impl Cluster {
                 .unwrap_or(self.parameters.agent.lease),
         );
         let local = clock.local(self.now());
-        let has_store = identity.store.is_some();
         let run = identity.run();
         let mut agent = self.agents.make(identity, self.parameters.agent, local);
         if self.parameters.plan_time_max.is_some() {
             agent = agent.with_plans_of_host();
         }
-        if has_store {
-            let stored = self.stores.get(&module);
-            let seen = stored.map(|stored| stored.seen.clone());
-            self.sightings.insert(run, seen.unwrap_or_default());
-            agent = agent.restored(stored.map(|stored| stored.state.clone()));
+        if let Some(stored) = self.stores.get(&module) {
+            self.sightings.insert(run, stored.seen.clone());
+            agent = agent.restored(Some(stored.state.clone()));
         }
         let process = Process {
             run,

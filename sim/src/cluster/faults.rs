@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use formation_model::{
     ClosedRoster, Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase,
-    ModuleRun, QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, StoreId, Voter, VoterMemory,
+    ModuleRun, Removal, Roster, RosterMessage, SpotClaim, Stop, Voters,
 };
 use formation_motion::MotionReport;
 use formation_protocol::{Command, Identity, Input};
@@ -73,7 +73,7 @@ impl Cluster {
         if let Some(body) = self.bodies.get_mut(&module) {
             let starts = body.incarnation.0 % CLOCK_SECOND;
             let set = Incarnation(ahead.as_secs() * CLOCK_SECOND + starts);
-            let last = body.store.is_some().then_some(body.incarnation);
+            let last = body.has_store.then_some(body.incarnation);
             body.incarnation = set.max(last.unwrap_or(set));
         }
     }
@@ -81,7 +81,8 @@ impl Cluster {
     /// A module that is yet to start has no store.
     pub fn take_store(&mut self, module: ModuleId) {
         if let Some(body) = self.bodies.get_mut(&module) {
-            body.store = None;
+            body.has_store = false;
+            body.is_first_run = false;
         }
     }
 
@@ -111,8 +112,8 @@ impl Cluster {
         }
     }
 
-    /// A participant that is no module shows an epoch later than all others, and publishes a roster for it with a quorum basis
-    /// of modules that do not exist. Nothing happens before a target is announced.
+    /// A participant that is no module shows an epoch later than all others, and publishes a roster for it of which modules that
+    /// do not exist are the voters. Nothing happens before a target is announced.
     pub fn forge_roster(&mut self) {
         let Some(target) = self.announcement.as_deref().cloned() else {
             return;
@@ -126,19 +127,14 @@ impl Cluster {
             convener: invented(0),
         };
         let incarnation = Incarnation(1);
-        let members = (1..=5).rev().map(|back| Voter {
-            module: invented(back),
-            memory: VoterMemory::Volatile(incarnation),
-        });
         let roster = ClosedRoster::from(Roster {
             epoch: epoch(5),
             target,
             members: Vec::new(),
-            quorum_bases: vec![QuorumBasis {
-                epoch: epoch(4),
-                agreed: true,
-                members: members.collect(),
-            }],
+            voters: Voters {
+                named: (1..=5).rev().map(invented).collect(),
+                ..Voters::default()
+            },
             timing: self.parameters.agent.timing(),
             bodies: Vec::new(),
         });
@@ -157,7 +153,8 @@ impl Cluster {
         self.inject(&Message::Heartbeat(Heartbeat {
             module: run.module,
             incarnation: run.incarnation,
-            store: None,
+            knows: true,
+            voters: 0,
             sequence,
             uptime: Duration::from_secs(sequence),
             epoch,
@@ -206,9 +203,9 @@ impl Cluster {
             self.stores.insert(module, state);
         }
         if let Some(body) = self.bodies.get_mut(&module)
-            && !body.store.is_some_and(StoreId::outlives_process)
+            && !body.has_store
         {
-            body.store = None;
+            body.is_first_run = false;
             self.stores.remove(&module);
         }
         self.note(Fault::Crash(module));
@@ -233,26 +230,39 @@ impl Cluster {
 
     /// Takes away the body of a module whose process has ended, and reports that to all running modules.
     pub fn remove(&mut self, module: ModuleId) {
+        self.remove_with(module, false);
+    }
+
+    /// The same, with the vote of the module or without. A module whose vote was taken does not get its store back.
+    pub fn remove_with(&mut self, module: ModuleId, takes_vote: bool) {
         // A process that never started left no body that others know.
         if self.processes.contains_key(&module) || self.late.contains_key(&module) {
             return;
         }
         self.taken_away.insert(module);
-        self.report_removed(module);
+        if takes_vote {
+            self.take_store(module);
+            self.stores.remove(&module);
+        }
+        self.report_gone(module, takes_vote);
     }
 
     /// Reports the body of a module as removed to all other running modules, whether or not that is true.
     pub fn report_removed(&mut self, module: ModuleId) {
+        self.report_gone(module, false);
+    }
+
+    fn report_gone(&mut self, module: ModuleId, takes_vote: bool) {
         let Some(run) = self.bodies.get(&module).map(Identity::run) else {
             return;
         };
         let mut numbers = self.renumbered.iter().rev();
         let latest = numbers.find(|&(_, process)| *process == run);
         let run = latest.map_or(run, |(&number, _)| number);
-        self.note(Fault::Remove(module));
+        self.note(Fault::Remove { module, takes_vote });
         for other in self.running() {
             if other != module {
-                self.tell(other, &Message::Removal(run));
+                self.tell(other, &Message::Removal(Removal { run, takes_vote }));
             }
         }
     }
@@ -312,7 +322,6 @@ impl Cluster {
         if let Some(body) = self.bodies.get_mut(&module) {
             let incarnation = process.agent.run().incarnation;
             body.incarnation = body.incarnation.max(incarnation);
-            body.store = body.store.or_else(|| StoreId::of_process(incarnation));
         }
         self.schedule.add(self.now(), Happening::Start(module));
     }

@@ -8,13 +8,12 @@ mod observer;
 mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation_generate::Random;
 use formation_model::{
-    Incarnation, Message, ModuleId, ModuleRun, PlanningProblem, StoreId, TargetAnnouncement,
+    Incarnation, Message, ModuleId, ModuleRun, PlanningProblem, TargetAnnouncement,
 };
 use formation_protocol::{AgentParameters, Identity};
 
@@ -68,8 +67,8 @@ pub struct ClusterParameters {
     pub stores: Stores,
     /// A store takes less than this to write.
     pub write_max: Duration,
-    /// Whether the target names its founders, which are all modules of the problem.
-    pub names_founders: bool,
+    /// Whether modules know at their first start that nothing was agreed in the session before.
+    pub is_new_session: bool,
     /// If set, agents ask their host for plans, and each plan takes up to this time. Otherwise they compute them in no time.
     pub plan_time_max: Option<Duration>,
     /// If set, a drive moves on for up to this time after its last goal, as that of a robot does. Otherwise it halts with its agent.
@@ -87,7 +86,7 @@ impl Default for ClusterParameters {
             drift_ppm_max: 200,
             stores: Stores::None,
             write_max: Duration::from_millis(50),
-            names_founders: false,
+            is_new_session: true,
             plan_time_max: None,
             coasting: None,
         }
@@ -161,11 +160,8 @@ impl Cluster {
             let body = Identity {
                 module: module.id,
                 incarnation: Incarnation(0),
-                store: parameters
-                    .stores
-                    .has(module.id)
-                    .then(|| store_of(module.id))
-                    .flatten(),
+                has_store: parameters.stores.has(module.id),
+                is_first_run: parameters.is_new_session,
                 pose: module.pose,
                 links: module.links.clone(),
                 configuration: module.configuration,
@@ -213,7 +209,7 @@ impl Cluster {
         );
     }
 
-    /// Announces the problem's own target to all modules.
+    /// Announces the problem's own target to all modules, which all vote.
     pub fn announce_problem(&mut self, problem: &PlanningProblem, revision: u64) {
         self.announce(TargetAnnouncement {
             revision,
@@ -221,11 +217,7 @@ impl Cluster {
             target: Some(Arc::clone(problem.target())),
             parameters: *problem.parameters(),
             expected_modules: u32::try_from(problem.modules().len()).ok(),
-            founders: if self.parameters.names_founders {
-                problem.modules().iter().map(|module| module.id).collect()
-            } else {
-                Vec::new()
-            },
+            voters: problem.modules().iter().map(|module| module.id).collect(),
         });
     }
 
@@ -234,9 +226,4 @@ impl Cluster {
     pub fn announcement(&self) -> Option<&Arc<TargetAnnouncement>> {
         self.announcement.as_ref()
     }
-}
-
-/// The store of a module. It is never lost, so its identifier may follow from the module's.
-fn store_of(module: ModuleId) -> Option<StoreId> {
-    NonZeroU64::new(1 + 2 * u64::from(module.0)).map(StoreId)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
-    Digest, Epoch, ModuleId, ModulePhase, ModuleRun, Pose, SpotId, TargetAnnouncement, Voter,
+    Digest, Epoch, ModuleId, ModulePhase, ModuleRun, Pose, SpotId, TargetAnnouncement,
 };
 use formation_protocol::Agent;
 
@@ -70,19 +70,10 @@ impl Cluster {
         Some(self.processes.get(&module)?.run)
     }
 
-    /// A running module with the memory that counts towards majorities.
-    #[must_use]
-    pub fn voter(&self, module: ModuleId) -> Option<Voter> {
-        let run = self.run_of(module)?;
-        Some(Voter::new(run, self.bodies.get(&module)?.store))
-    }
-
     /// Whether a module has a store.
     #[must_use]
     pub fn has_store(&self, module: ModuleId) -> bool {
-        self.bodies
-            .get(&module)
-            .is_some_and(|body| body.store.is_some())
+        self.bodies.get(&module).is_some_and(|body| body.has_store)
     }
 
     /// The modules whose processes are running.

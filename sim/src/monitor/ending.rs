@@ -10,7 +10,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use formation_model::text::joined;
 use formation_model::{
     Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Service, SpotId, Target,
-    TargetAnnouncement, Voter,
 };
 
 use super::bodies::room;
@@ -185,54 +184,30 @@ impl Monitor {
         (epochs.len() == 1 && digests.next().is_none()).then_some(plan)
     }
 
-    /// Whether a group surely holds a majority of every roster that may count: the rosters of which any member ever had the
-    /// whole plan, from the last one on that a running module of the group saw agreed. The active members of a roster count,
-    /// with the memory that it lists, and an exact half with the lowest of them is enough. Before the first agreement, the
-    /// founders are needed as well.
+    /// Whether a group surely holds a majority: all voters, or more than half of them that know, or half with the lowest. Those whose
+    /// votes a roster removes do not count for it.
     fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
-        let agreed = modules
-            .iter()
-            .filter_map(|&module| self.latest(cluster, module)?.agreed)
-            .max();
-        if agreed.is_none()
-            && let Some(announcement) = cluster.announcement()
-            && !may_found(cluster, announcement, modules)
-        {
+        let Some(announcement) = cluster.announcement() else {
             return false;
-        }
-        let planned = self.planned.iter();
-        let planned = planned.filter_map(|epoch| Some((*epoch, &self.rosters.get(epoch)?.active)));
-        let replaced = self.replaced.iter();
-        let mut bases = planned.chain(replaced.map(|(epoch, active)| (*epoch, active)));
-        bases.all(|(epoch, active)| {
-            let is_present = |voter: &&Voter| {
-                modules.contains(&voter.module) && cluster.voter(voter.module) == Some(**voter)
-            };
-            let present = active.iter().filter(is_present).count() * 2;
-            let lowest = active.first().filter(is_present).is_some();
-            Some(epoch) < agreed || present > active.len() || (present == active.len() && lowest)
-        })
-    }
-
-    /// Whether several formations are the one exception that docs/fault_model.md states: founders that the target does not
-    /// name agreed behind a cut, and one that restarted without a store founded another formation with the rest.
-    fn is_refounded(&self, cluster: &Cluster, formed: &BTreeSet<Epoch>) -> bool {
-        let announcement = cluster.announcement();
-        if announcement.is_none_or(|announcement| !announcement.founders.is_empty()) {
-            return false;
-        }
-        let active_in = |epoch| {
-            self.rosters
-                .get(epoch)
-                .into_iter()
-                .flat_map(|known| &known.active)
         };
-        let planned: BTreeSet<&Voter> = self.planned.iter().flat_map(active_in).collect();
-        let forgot = |now: &Voter| {
-            let mut before = planned.iter().filter(|voter| voter.module == now.module);
-            before.any(|voter| voter.memory != now.memory)
+        let voters = &announcement.voters;
+        if voters.is_empty() {
+            let expected = announcement.expected_modules;
+            return expected.is_none_or(|expected| modules.len() * 2 > expected as usize);
+        }
+        let present = voters.iter().filter(|voter| modules.contains(voter));
+        let present: Vec<ModuleId> = present.copied().collect();
+        let knows = |&&voter: &&ModuleId| {
+            let run = cluster.run_of(voter);
+            let is_knowing = run.is_some_and(|run| self.knowing.contains(&run));
+            let counts = is_knowing || self.knowing_stores.contains(&voter);
+            counts && !self.votes_removed.contains(&voter)
         };
-        formed.iter().flat_map(active_in).any(forgot)
+        let knowing = present.iter().filter(knows);
+        let has_lowest = knowing.clone().next() == voters.first();
+        let count = knowing.count() * 2;
+        let is_majority = count > voters.len() || (count == voters.len() && has_lowest);
+        present.len() == voters.len() || is_majority
     }
 
     /// How the run has ended, if it has.
@@ -286,7 +261,7 @@ impl Monitor {
             };
             flaws.push((kind, detail));
         }
-        if formed.len() > 1 && !self.is_refounded(cluster, &formed) {
+        if formed.len() > 1 {
             flaws.push((ViolationKind::TwoFormations, joined(&formed, " and ")));
         }
         (formed, flaws)
@@ -311,25 +286,6 @@ fn undocked(
     adjacent
         .into_iter()
         .find(|&(one, other)| !names(one, other))
-}
-
-/// Whether a group holds all founders, or more than half of them with stores; without named founders more than half of the
-/// expected number.
-fn may_found(
-    cluster: &Cluster,
-    announcement: &TargetAnnouncement,
-    modules: &BTreeSet<ModuleId>,
-) -> bool {
-    let founders = &announcement.founders;
-    if founders.is_empty() {
-        let expected = announcement.expected_modules;
-        return expected.is_none_or(|expected| modules.len() * 2 > expected as usize);
-    }
-    let present = founders.iter().filter(|founder| modules.contains(founder));
-    let stored = present
-        .clone()
-        .filter(|founder| cluster.has_store(**founder));
-    present.count() == founders.len() || stored.count() * 2 > founders.len()
 }
 
 fn knows_target(cluster: &Cluster, module: ModuleId) -> bool {

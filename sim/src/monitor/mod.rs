@@ -16,9 +16,8 @@ use std::time::Duration;
 
 use formation_model::{
     ClosedRoster, Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun,
-    ModuleState, Pose, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, Voter,
+    ModuleState, Pose, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId,
 };
-use formation_protocol::Event;
 
 pub use bodies::{blocks_all, room};
 use contact::ContactWatch;
@@ -31,8 +30,6 @@ use crate::observation::Observation;
 struct KnownRoster {
     roster: Arc<ClosedRoster>,
     members: BTreeSet<ModuleId>,
-    /// The members that take part in the plan.
-    active: BTreeSet<Voter>,
     /// The members that no claim may evict.
     fixed: BTreeSet<ModuleId>,
     /// The modules of which some member had received a state.
@@ -51,8 +48,6 @@ struct Latest {
     /// The revision of the target that the run had received when it published its state; `None` before any.
     target_revision: Option<u64>,
     heartbeat: Option<Heartbeat>,
-    /// The latest epoch on which the run saw all members agree.
-    agreed: Option<Epoch>,
 }
 
 /// Judges one run of a cluster.
@@ -63,15 +58,15 @@ pub(crate) struct Monitor {
     margin: Duration,
     rosters: BTreeMap<Epoch, KnownRoster>,
     latest: BTreeMap<ModuleRun, Latest>,
-    /// When each run began: it may be stopped before its first heartbeat.
-    born: BTreeMap<ModuleRun, Duration>,
+    /// When each module last showed the digest of each plan.
+    last_shown: BTreeMap<ModuleId, BTreeMap<PlanKey, Duration>>,
+    /// The runs that said in a state that they have forgotten nothing; of modules with stores all runs.
+    knowing: BTreeSet<ModuleRun>,
+    knowing_stores: BTreeSet<ModuleId>,
+    /// The modules whose votes any roster removes.
+    votes_removed: BTreeSet<ModuleId>,
     /// When each member first showed the digest of a plan.
     shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
-    /// The epochs of which some member had the whole plan. It may show the digest then, so the roster counts for its majorities.
-    /// A convener with a store has the plan before its roster is published.
-    planned: BTreeSet<Epoch>,
-    /// The active members of such an epoch, where a later run of its convener has opened it again.
-    replaced: Vec<(Epoch, BTreeSet<Voter>)>,
     /// The epoch that each module shows, and since when.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     /// The spot, and the roster with its target, on which each run has settled and that it has not left.
@@ -124,15 +119,6 @@ impl Monitor {
                 Observation::SetOff(module, plan) => {
                     self.check_departure(at, module, plan, cluster);
                 }
-                Observation::Noted(module, Event::Agreed(epoch)) => {
-                    if let Some(run) = cluster.run_of(module) {
-                        let latest = self.latest.entry(run).or_default();
-                        latest.agreed = latest.agreed.max(Some(epoch));
-                    }
-                }
-                Observation::Noted(_, Event::Planned { epoch, .. }) => {
-                    self.planned.insert(epoch);
-                }
                 Observation::Fault(Fault::Mislead(module, _)) => self.hands.note_misled(module, at),
                 Observation::Noted(..)
                 | Observation::Announced(_)
@@ -166,7 +152,6 @@ impl Monitor {
         };
         let known = KnownRoster {
             members: members.clone().map(|member| member.module.id).collect(),
-            active: active().map(RosterMember::voter).collect(),
             fixed: fixed(&active().filter(is_candidate).collect::<Vec<_>>()),
             seen: members
                 .clone()
@@ -176,16 +161,15 @@ impl Monitor {
             next_turn: 0,
             early: BTreeMap::new(),
         };
+        self.votes_removed.extend(&roster.voters.removed);
+        self.votes_removed.extend(&roster.voters.listed);
         // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
         let run_of_convener = |roster: &Roster| member(roster, convener).map(RosterMember::run);
-        if let Some(earlier) = self.rosters.insert(roster.epoch, known) {
-            if run_of_convener(&earlier.roster) == run_of_convener(roster) {
-                let detail = format!("{} by {convener}", roster.epoch);
-                self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
-            }
-            if self.planned.contains(&roster.epoch) {
-                self.replaced.push((roster.epoch, earlier.active));
-            }
+        if let Some(earlier) = self.rosters.insert(roster.epoch, known)
+            && run_of_convener(&earlier.roster) == run_of_convener(roster)
+        {
+            let detail = format!("{} by {convener}", roster.epoch);
+            self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
         }
     }
 
@@ -204,8 +188,6 @@ impl Monitor {
             let detail = format!("{module} after {before}");
             self.violate(at, ViolationKind::EpochWentBack, detail);
         }
-        let began = at.saturating_sub(heartbeat.uptime);
-        self.born.entry(run).or_insert(began);
         let entry = self.left.entry(module).or_insert((heartbeat.epoch, at));
         if entry.0 != heartbeat.epoch {
             *entry = (heartbeat.epoch, at);
@@ -213,6 +195,7 @@ impl Monitor {
         if let Some(plan) = heartbeat.epoch.zip(heartbeat.digest) {
             let shown = self.shown.entry(plan).or_default();
             shown.entry(module).or_insert(at);
+            self.last_shown.entry(module).or_default().insert(plan, at);
         }
     }
 
@@ -220,6 +203,12 @@ impl Monitor {
         let run = state.module.run(state.incarnation);
         let latest = self.latest.entry(run).or_default();
         latest.state = Some(Arc::clone(state));
+        if state.knows {
+            self.knowing.insert(run);
+            if cluster.has_store(state.module) {
+                self.knowing_stores.insert(state.module);
+            }
+        }
         if state.steps_done.is_some() {
             let plan = state.epoch.zip(state.digest);
             self.bodies.by_paths.extend(plan);

@@ -42,24 +42,19 @@ impl Monitor {
         }
     }
 
-    /// Whether nobody can have been in motion by another plan: no founder's run has shown one, and what their former runs showed has
-    /// lapsed.
-    fn is_idle_before(&self, plan: PlanKey, at: Duration) -> bool {
-        let Some(known) = self.rosters.get(&plan.0) else {
-            return false;
+    /// A voter of the roster that showed another plan before this one, and so lately that somebody may still move by that.
+    fn showed_another(&self, plan: PlanKey, at: Duration) -> Option<ModuleId> {
+        let roster = &self.rosters.get(&plan.0)?.roster;
+        let shown = self.shown.get(&plan)?;
+        let is_recent = |module: &ModuleId| {
+            let first = shown.get(module);
+            let others = self.last_shown.get(module).into_iter().flatten();
+            let mut others = others.filter(|(other, _)| **other != plan);
+            others.any(|(_, last)| Some(last) < first && at + ROUNDING < *last + self.lease)
         };
-        let founders = &known.roster.target.founders;
-        let is_idle = |founder: &ModuleId| {
-            let member = known.roster.member(*founder);
-            let run = member.map(|member| founder.run(member.incarnation));
-            let Some(&born) = run.and_then(|run| self.born.get(&run)) else {
-                return false;
-            };
-            let others = self.shown.iter().filter(|(other, _)| **other != plan);
-            let mut shown = others.filter_map(|(_, shown)| shown.get(founder));
-            born + self.lease <= at && !shown.any(|&at| at >= born)
-        };
-        !founders.is_empty() && founders.iter().all(is_idle)
+        let members = roster.members.iter().map(|member| member.module.id);
+        let mut voters = members.filter(|module| roster.voters.named.contains(module));
+        voters.find(is_recent)
     }
 
     /// A drive received a goal: its plan is the only one in motion, all members agreed to it long enough ago, and none has
@@ -99,17 +94,15 @@ impl Monitor {
             let detail = format!("{module} on {}; {missing} never agreed", plan.0);
             return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
         }
-        let last_shown = shown.values().max().copied();
         let left_for_long = roster.members.iter().copied().find(|member| {
             self.left.get(member).is_some_and(|&(epoch, since)| {
                 epoch != Some(plan.0) && at > since + self.lease + self.margin
             })
         });
         if self.begun.insert(plan)
-            && last_shown.is_some_and(|last| at + ROUNDING < last + self.lease)
-            && !self.is_idle_before(plan, at)
+            && let Some(voter) = self.showed_another(plan, at)
         {
-            let detail = format!("{module} on {}", plan.0);
+            let detail = format!("{module} on {}, and {voter} showed another", plan.0);
             self.violate(at, ViolationKind::MotionBeforeLease, detail);
         }
         if let Some(member) = left_for_long.filter(|_| !has_just_woken) {

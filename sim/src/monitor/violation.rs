@@ -19,7 +19,7 @@ pub enum ViolationKind {
     /// A module began to move before every member had shown the same digest.
     #[error("motion without agreement")]
     MotionWithoutAgreement,
-    /// A module began to move before the lease had passed since the last member showed the digest.
+    /// A module began to move before the lease had passed since a voter of its roster showed another plan.
     #[error("motion before the lease")]
     MotionBeforeLease,
     /// A module moved long after a member had left the epoch.

@@ -1,7 +1,7 @@
 //! The rule of agreement, checked exhaustively: no two plans are ever in motion at once, and none forgets where robots stand.
 //!
-//! This is a rule that could replace majorities of earlier rosters and what modules remember of them (Q1 to Q9); rule 3 is in force
-//! already (A2). A roster is a set of modules that receive each other and that holds more than half of the voters; it is in force while
+//! This is the rule of docs/protocol.md: 1, 5 and 6 are Q1 to Q4, 2 and 3 are A2, 7 is M8. The protocol counts the lease from the
+//! roster, and allows ties once a removal is in force. A roster is a set of modules that receive each other and that holds more than half of the voters; it is in force while
 //! all its members show it.
 //!
 //! 1. Voters belong to the session and stay the same. A roster needs more than half of them, or exactly half with the lowest while no

@@ -79,7 +79,7 @@ impl Explorer {
             target: Some(Arc::clone(problem.target())),
             parameters: *problem.parameters(),
             expected_modules: Some(3),
-            founders: Vec::new(),
+            voters: Vec::new(),
         });
         let seconds = Duration::from_secs;
         let parameters = AgentParameters {

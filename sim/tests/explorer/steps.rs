@@ -31,7 +31,8 @@ impl Explorer {
         let identity = Identity {
             module: module.id,
             incarnation,
-            store: None,
+            has_store: false,
+            is_first_run: false,
             pose,
             links,
             configuration: module.configuration,

@@ -99,7 +99,7 @@ fn hash_of_message(message: &Message) -> u64 {
         Message::Roster(RosterMessage::Plan(roster)) => hash_of(&(
             roster.epoch,
             &roster.members,
-            &roster.quorum_bases,
+            &roster.voters,
             &roster.bodies,
         )),
         Message::Claim(claim) => hash_of(claim),

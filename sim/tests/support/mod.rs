@@ -28,7 +28,8 @@ pub fn scenario(yaml: &str) -> PlanningProblem {
 /// The agent of a module of a scenario, which starts without a store.
 pub fn agent(module: &PlanningModule) -> Agent {
     let identity = Identity {
-        store: None,
+        has_store: false,
+        is_first_run: false,
         module: module.id,
         incarnation: Incarnation(1),
         pose: module.pose,
@@ -133,6 +134,14 @@ impl Trial {
         self.collect();
     }
 
+    /// A cluster whose modules do not know that their session is new, so that none sets off before the lease has passed.
+    pub fn waiting_for_a_lease() -> ClusterParameters {
+        ClusterParameters {
+            is_new_session: false,
+            ..ClusterParameters::default()
+        }
+    }
+
     pub fn newest_epoch(&self) -> u64 {
         newest_epoch(&self.cluster)
     }
@@ -163,6 +172,14 @@ impl Trial {
 
     pub fn count(&self, wanted: impl Fn(&Event) -> bool) -> usize {
         self.noted.iter().filter(|(_, event)| wanted(event)).count()
+    }
+}
+
+/// A cluster whose modules do not know that their session is new, so that none sets off before the lease has passed.
+pub fn waiting_for_a_lease() -> ClusterParameters {
+    ClusterParameters {
+        is_new_session: false,
+        ..ClusterParameters::default()
     }
 }
 

@@ -1,11 +1,8 @@
 //! The deliberate bugs. `bugs.patch` has the places where agents ask whether they have one.
 
-use std::borrow::Cow;
-use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::time::Duration;
 
-use formation_model::{Digest, PlanningProblem, QuorumBasis, Voter};
+use formation_model::{Digest, ModuleId, PlanningProblem};
 
 use super::refusal::Refusal;
 
@@ -21,9 +18,6 @@ pub enum Mutation {
     /// Moves as soon as all members agree.
     /// Lacks A2.
     SkipLeaseWait,
-    /// Where no member knows of an earlier plan, the first motion does not wait for what former runs have shown.
-    /// Lacks A2.
-    IgnoreRunAge,
     /// Keeps moving when members no longer show agreement.
     /// Lacks A3.
     IgnoreLapse,
@@ -35,15 +29,12 @@ pub enum Mutation {
     AcceptWithoutRecomputation,
     /// Records claims in the order in which they arrive.
     ApplyOutOfTurn,
-    /// Needs no majority of earlier rosters.
+    /// Needs no majority of the voters.
+    /// Lacks Q1.
     IgnoreQuorum,
-    /// Counts a restarted module as if it remembered what it agreed on.
+    /// Counts a restarted module as if it had forgotten nothing.
+    /// Lacks Q2.
     CountForgetful,
-    /// Counts the members of an earlier roster as if they remembered, if all of them are back.
-    /// Lacks Q3.
-    CountAllBack,
-    /// Adds the quorum bases of a roster before it judges the roster.
-    LearnUnjudged,
     /// Moves without waiting for earlier units.
     /// Lacks X1.
     MoveOutOfOrder,
@@ -94,46 +85,13 @@ impl Bugs {
         self.chosen == Some(mutation)
     }
 
-    /// The time from agreement to the first motion.
-    pub(super) fn run_age(self, age: Duration) -> Duration {
-        if self.has(Mutation::IgnoreRunAge) {
-            Duration::ZERO
-        } else {
-            age
-        }
-    }
-
-    pub(super) fn lease_wait(self, lease: Duration) -> Duration {
-        if self.has(Mutation::SkipLeaseWait) {
-            Duration::ZERO
-        } else {
-            lease
-        }
-    }
-
-    /// The voters that count towards a quorum when these are present; ascending like them. `bases` are the known ones.
-    pub(super) fn counted<'a>(
+    /// Modules as they count towards a majority.
+    pub(super) fn counted(
         self,
-        present: &'a [Voter],
-        bases: impl FnOnce() -> Vec<QuorumBasis>,
-    ) -> Cow<'a, [Voter]> {
-        let is_present = |module| present.iter().any(|here| here.module == module);
-        let remembered: Vec<Voter> = if self.has(Mutation::CountForgetful) {
-            let bases = bases();
-            let voters = bases.iter().flat_map(|basis| basis.members.iter().copied());
-            voters.filter(|voter| is_present(voter.module)).collect()
-        } else if self.has(Mutation::CountAllBack) {
-            let bases = bases();
-            let is_back =
-                |basis: &&QuorumBasis| basis.members.iter().all(|voter| is_present(voter.module));
-            let back = bases.iter().filter(is_back);
-            back.flat_map(|basis| basis.members.iter().copied())
-                .collect()
-        } else {
-            return Cow::Borrowed(present);
-        };
-        let all: BTreeSet<Voter> = present.iter().copied().chain(remembered).collect();
-        Cow::Owned(all.into_iter().collect())
+        present: impl Iterator<Item = (ModuleId, bool)>,
+    ) -> impl Iterator<Item = (ModuleId, bool)> {
+        let all_know = self.has(Mutation::CountForgetful);
+        present.map(move |(module, knows)| (module, knows || all_know))
     }
 
     /// The problem that is planned for; `None` if it contradicts itself.

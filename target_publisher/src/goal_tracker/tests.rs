@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use formation_model::{
     Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, Roster, RosterMember, RosterMessage,
-    Scenario, Service, Stop, TargetAnnouncement,
+    Scenario, Service, Stop, TargetAnnouncement, Voters,
 };
 
 use super::*;
@@ -66,7 +66,8 @@ fn ended(tracker: &mut GoalTracker<u32>, now: Duration) -> Option<(GoalStatusEnu
 
 fn beat(tracker: &mut GoalTracker<u32>, now: Duration, module: u32, phase: ModulePhase) {
     let heartbeat = Heartbeat {
-        store: None,
+        knows: true,
+        voters: 0,
         module: ModuleId(module),
         incarnation: Incarnation(1),
         sequence: u64::try_from(now.as_millis()).unwrap(),
@@ -108,13 +109,14 @@ fn plan(tracker: &mut GoalTracker<u32>, now: Duration) {
         target: tracker.status.own().unwrap().as_ref().clone(),
         members: modules
             .map(|module| RosterMember {
-                store: None,
+                knows: true,
+                is_idle: true,
                 incarnation: Incarnation(1),
                 service: Service::Active,
                 module: module.clone(),
             })
             .collect(),
-        quorum_bases: Vec::new(),
+        voters: Voters::default(),
         bodies: Vec::new(),
     };
     let plan = RosterMessage::Plan(Arc::new(roster.into()));

@@ -13,7 +13,8 @@ const TRACE: &str = "trace.jsonl";
 
 /// Shows B4.
 #[test]
-fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
+fn modules_that_die_block_their_spots_until_their_bodies_are_removed_and_count_until_their_votes_are()
+ {
     let domain = &*Domain::for_processes(12);
     let mut fleet = Fleet::new("bodies", SPARES, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
@@ -23,11 +24,10 @@ fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
     let _ = first_to_move(&fleet, &marks);
     let began = Instant::now();
     let whole = fleet.wait_until_whole(&judge, began, PATIENCE);
-    // Spot 2 joins the others, so its module lives on; the fifth module stands on no spot.
+    // Spot 2 joins the others, so its module lives on.
     let holders = whole.assignments.iter().filter(|&(_, &spot)| spot != 2);
     let mut lost: Vec<u32> = holders.map(|(&module, _)| module).collect();
-    lost.extend(whole.unassigned.iter().next_back());
-    assert_eq!(lost.len(), 5);
+    assert_eq!(lost.len(), 4);
     let mut dead = BTreeSet::new();
     for batch in lost.chunks(3) {
         let died = batch.iter().map(|&module| fleet.kill(module)).max();
@@ -66,7 +66,28 @@ fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
     assert_eq!(refused.status, 1, "{}", refused.stderr);
     let removed = Instant::now();
     fleet.remove(&lost);
-    fleet.wait_until_whole(&judge, removed, PATIENCE);
+    let whole = fleet.wait_until_whole(&judge, removed, PATIENCE);
+    // Two more, so that four of ten are left: nothing moves until the votes of the others are removed.
+    let more = whole.assignments.iter().filter(|&(_, &spot)| spot != 2);
+    let more: Vec<u32> = more.map(|(&module, _)| module).take(2).collect();
+    let marks = fleet.marks();
+    for &module in &more {
+        fleet.kill(module);
+    }
+    lost.extend(&more);
+    let waits = fleet.wait_for_any(&marks, "waiting for a quorum", PATIENCE);
+    assert!(waits.is_some(), "{}", fleet.story());
+    let removed = Instant::now();
+    let ids: Vec<String> = lost.iter().map(u32::to_string).collect();
+    let mut arguments = vec!["remove", "--vote-too"];
+    arguments.extend(ids.iter().map(String::as_str));
+    let done = Running::start("formation", domain, &arguments).finish(PATIENCE);
+    assert_eq!(done.status, 0, "{}", done.stderr);
+    judge
+        .wait_until(removed, PATIENCE, |judged| {
+            judged.outcome == "PARTIAL" && judged.modules() == fleet.living()
+        })
+        .unwrap_or_else(|last| panic!("{last:?}\n{}", fleet.story()));
 }
 
 /// A row of four spots, and eight modules whose paths cross.

@@ -123,7 +123,7 @@ fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
     );
 }
 
-/// A stranger publishes a roster with invented quorum bases, a target and a command to stop of the highest revisions, and then
+/// A stranger publishes a roster with invented voters, a target and a command to stop of the highest revisions, and then
 /// heartbeats of a module whose process has ended. Later epochs, targets, commands and the module itself are not kept out.
 /// Shows E10.
 #[test]

@@ -1,7 +1,7 @@
 use super::*;
 use formation_model::{
     ClosedRoster, Decision, DriveState, MicroUnits, ModulePhase, ModuleRun, PlannerParameters,
-    Pose, Roster, SpotId, SpotSelection, TargetAnnouncement,
+    Pose, Roster, SpotId, SpotSelection, TargetAnnouncement, Voters,
 };
 
 fn epoch(number: u64) -> Epoch {
@@ -70,7 +70,7 @@ fn roster(number: u64) -> Message {
         },
         epoch: epoch(number),
         target: TargetAnnouncement {
-            founders: Vec::new(),
+            voters: Vec::new(),
             revision: 1,
             name: String::new(),
             target: None,
@@ -78,7 +78,7 @@ fn roster(number: u64) -> Message {
             expected_modules: None,
         },
         members: Vec::new(),
-        quorum_bases: Vec::new(),
+        voters: Voters::default(),
         bodies: Vec::new(),
     }))))
 }

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use formation_model::{
     BlockedSpot, BodyReport, Epoch, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun,
-    ModuleState, MotionMode, Roster, RosterMember, Service, SpotId, Target, Whereabouts,
+    ModuleState, MotionMode, Removal, Roster, RosterMember, Service, SpotId, Target, Whereabouts,
     blocked_spots, body,
 };
 
@@ -309,6 +309,7 @@ impl Context {
             }
         }
         self.learn_proposals(frozen);
+        self.learn_later_removals(frozen);
     }
 
     /// The reports on modules that are not among these members (ascending), for their roster of this epoch.
@@ -346,7 +347,7 @@ impl Context {
             } else if report.run() == self.own.run {
                 self.emit(Event::RunRemoved(roster.epoch));
             } else {
-                self.learn_removal(report.run());
+                self.learn_removal(Removal::of_body(report.run()));
             }
         }
     }

@@ -95,7 +95,7 @@ impl Context {
         }
     }
 
-    /// Whether a module is expected to take a later number soon. One that does not, because it counts in a majority, takes
+    /// Whether a module is expected to take a later number soon. One that does not, because it has shown a plan, takes
     /// part as it is after the time for which it would be refused.
     pub fn is_outdated(&self, module: ModuleId) -> bool {
         let limit = self.parameters.suspicion * SILENCES_REMEMBERED;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    BodyReport, Epoch, Incarnation, ModuleId, ModuleRun, ModuleState, Roster, Whereabouts,
+    BodyReport, Epoch, Incarnation, ModuleId, ModuleRun, ModuleState, Removal, Roster, Whereabouts,
     blocked_spots,
 };
 
@@ -43,6 +43,8 @@ struct Report {
     proposed_in: Option<Epoch>,
     /// Whether the same report came before and was dropped.
     is_repeated: bool,
+    /// Whether it takes the vote of the module as well.
+    takes_vote: bool,
 }
 
 /// The reports that have not taken effect, at most one a module that sent a message or whose body is known.
@@ -56,6 +58,17 @@ pub(crate) struct Removals {
 }
 
 impl Removals {
+    fn takes_vote(&self, run: ModuleRun) -> bool {
+        let report = self.reports.get(&run.module);
+        report.is_some_and(|report| report.incarnation == run.incarnation && report.takes_vote)
+    }
+
+    /// The voters whose votes a roster may list as removed.
+    pub fn due_votes(&self) -> impl Iterator<Item = ModuleId> {
+        let due = self.due.iter().filter(|run| self.takes_vote(**run));
+        due.map(|run| run.module)
+    }
+
     /// Whether a roster may list the removal of this run.
     pub fn is_due(&self, run: ModuleRun) -> bool {
         self.due.contains(&run)
@@ -116,39 +129,46 @@ impl Removals {
 impl Context {
     /// Handles a report of somebody that a body was taken away.
     /// Enforces B5.
-    pub fn handle_removal_report(&mut self, run: ModuleRun) {
+    pub fn handle_removal_report(&mut self, removal: Removal) {
+        let run = removal.run;
         if run.module == self.module() || !self.is_known_run(run) {
             return self.refuse(Some(run.module), Refusal::RemovalOfUnknownRun);
         }
         let report = self.removals.reports.get(&run.module);
         let report = report.filter(|report| report.incarnation == run.incarnation);
         let is_heeded = report.is_none_or(|report| match report.standing {
-            Standing::Proposed => false,
+            Standing::Proposed => removal.takes_vote && !report.takes_vote,
             Standing::Refuted => true,
             Standing::Overruled(until) => self.now >= until,
         });
         if is_heeded {
             let is_new = report.is_none();
-            self.propose(run, !is_new);
+            self.propose(removal, !is_new);
         }
     }
 
     /// Takes over a proposal of another module, unless this one has refuted it itself.
-    pub fn learn_removal(&mut self, run: ModuleRun) {
+    pub fn learn_removal(&mut self, removal: Removal) {
+        let run = removal.run;
         if run.module == self.module() || !(self.is_known_run(run) || self.hears(run)) {
             return;
         }
         let report = self.removals.reports.get(&run.module);
         let report = report.filter(|report| report.incarnation == run.incarnation);
         match report.map(|report| report.standing) {
-            None => self.propose(run, false),
-            Some(Standing::Overruled(_)) => self.propose(run, true),
+            None => self.propose(removal, false),
+            Some(Standing::Overruled(_)) => self.propose(removal, true),
+            Some(Standing::Proposed) if removal.takes_vote && !self.removals.takes_vote(run) => {
+                self.propose(removal, true);
+            }
             Some(Standing::Proposed | Standing::Refuted) => {}
         }
     }
 
-    fn propose(&mut self, run: ModuleRun, is_repeated: bool) {
-        if self.bodies.removed_run(run.module) >= Some(run) {
+    fn propose(&mut self, removal: Removal, is_repeated: bool) {
+        let Removal { run, takes_vote } = removal;
+        let is_body_gone = self.bodies.removed_run(run.module) >= Some(run);
+        if is_body_gone && (!takes_vote || self.session.lacks_vote(run.module)) {
             return;
         }
         let report = Report {
@@ -157,6 +177,7 @@ impl Context {
             standing: Standing::Proposed,
             proposed_in: None,
             is_repeated,
+            takes_vote,
         };
         self.removals.reports.insert(run.module, report);
         if !is_repeated {
@@ -227,6 +248,7 @@ impl Context {
             standing: Standing::Refuted,
             proposed_in: None,
             is_repeated: false,
+            takes_vote: false,
         };
         self.removals.reports.insert(removed.module, report);
     }
@@ -253,7 +275,9 @@ impl Context {
             let run = module.run(report.incarnation);
             let body = self.bodies.get(*module);
             let is_of_body = body.is_some_and(|body| {
-                body.incarnation == run.incarnation && body.whereabouts != Whereabouts::Removed
+                let stands = body.whereabouts != Whereabouts::Removed;
+                let is_of_vote = report.takes_vote && !self.session.lacks_vote(*module);
+                body.incarnation == run.incarnation && (stands || is_of_vote)
             });
             if report.standing != Standing::Proposed || !is_of_body {
                 continue;
@@ -288,9 +312,14 @@ impl Context {
         epoch: Epoch,
         frozen_at: Duration,
     ) {
-        state.proposed_removals = self.removals.due.iter().copied().collect();
+        let due = self.removals.due.iter();
+        let due = due.map(|&run| Removal {
+            run,
+            takes_vote: self.removals.takes_vote(run),
+        });
+        state.proposed_removals = due.collect();
         state.refuted_removals = self.removals.refuted();
-        for run in &state.proposed_removals {
+        for Removal { run, .. } in &state.proposed_removals {
             // The convener may have closed its roster before a later one.
             if let Some(report) = self.removals.reports.get_mut(&run.module)
                 && report.since <= frozen_at
@@ -327,18 +356,41 @@ impl Context {
             .map(|run| run.module)
             .collect();
         let present: BTreeSet<ModuleId> = frozen.iter().map(|state| state.module).collect();
-        let is_open =
-            |run: &ModuleRun| !present.contains(&run.module) && !refuted.contains(&run.module);
+        let is_open = |removal: &Removal| {
+            !present.contains(&removal.run.module) && !refuted.contains(&removal.run.module)
+        };
         for state in frozen {
             let bodies = state.bodies.iter();
             let in_effect = bodies.filter(|body| body.whereabouts == Whereabouts::Removed);
-            let in_effect = in_effect.map(BodyReport::run);
+            let in_effect = in_effect.map(|body| Removal::of_body(body.run()));
             let proposed = state.proposed_removals.iter().copied();
-            for run in in_effect.chain(proposed).filter(&is_open) {
-                self.learn_removal(run);
+            for removal in in_effect.chain(proposed).filter(&is_open) {
+                self.learn_removal(removal);
             }
         }
         self.refresh_removals();
+    }
+
+    /// As the convener, takes over removals in effect of runs that began after those whose bodies are known here, unless it or a frozen
+    /// member has heard the module.
+    pub fn learn_later_removals(&mut self, frozen: &[Arc<ModuleState>]) {
+        let is_heard = |run: &ModuleRun| {
+            let mut refuted = frozen.iter().flat_map(|state| &state.refuted_removals);
+            refuted.any(|refuted| refuted.module == run.module)
+                || frozen.iter().any(|state| state.module == run.module)
+        };
+        for report in frozen.iter().flat_map(|state| &state.bodies) {
+            let run = report.run();
+            let known = self.bodies.get(run.module);
+            if report.whereabouts == Whereabouts::Removed
+                && known.is_some_and(|known| known.incarnation < run.incarnation)
+                && run.module != self.module()
+                && !is_heard(&run)
+                && !self.hears(run)
+            {
+                self.bodies.note(report.clone());
+            }
+        }
     }
 
     fn overrule(&mut self, module: ModuleId) {
@@ -380,7 +432,7 @@ impl Context {
             return Ok(());
         }
         for report in listed(roster) {
-            self.learn_removal(report.run());
+            self.learn_removal(Removal::of_body(report.run()));
         }
         let refused = heard.iter().chain(&early).copied().collect();
         self.removals.refused = Some((roster.epoch, refused));

@@ -54,8 +54,8 @@ pub(super) enum Task {
 pub(crate) struct Acting {
     pub held: HeldPlan,
     agreed_at: Duration,
-    /// Whether no member knew of an earlier plan, and all founders are members.
-    is_first: bool,
+    /// When nobody can be in motion by an earlier plan any more.
+    idle_at: Duration,
     /// When to look next whether all others show that they have agreed; `None` once they have.
     look_at: Option<Duration>,
     pub(super) task: Task,
@@ -87,14 +87,12 @@ impl Acting {
     /// All members show the same digest. The plan was complete here at `planned_at`.
     pub fn begin(held: HeldPlan, planned_at: Duration, context: &mut Context) -> Self {
         let (now, epoch) = (context.now, held.epoch());
-        let is_first = held.is_first(context);
+        let idle_at = held.idle_at(context);
         let stuck = context.parameters.stuck;
         context
             .peers
             .note_same_digest(now, stuck, &held.roster_plan.members);
-        let basis = held.roster.quorum_basis();
-        context.memory.quorum.note_agreed(epoch, &basis);
-        context.memory.mismatches = 0;
+        context.session.note_in_force(&held.roster);
         context.settle_removals(&held.roster);
         context.pacing.relax(context.parameters.epoch_interval);
         context.mark_state_changed();
@@ -111,12 +109,15 @@ impl Acting {
         }
         if epoch.convener == context.module() {
             held.report_open_spots(context);
+            if held.roster.voters.named.is_empty() {
+                context.emit(Event::NoVoters);
+            }
         }
         let moves = has_place || held.aside().is_some();
         let mut acting = Self {
             held,
             agreed_at: now,
-            is_first,
+            idle_at,
             look_at: Some(now + context.parameters.heartbeat),
             task: if moves || has_steps {
                 Task::Waiting

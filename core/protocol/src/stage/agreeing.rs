@@ -72,7 +72,7 @@ impl Agreeing {
     /// Reports which members hold which plan, when another epoch has not helped and no further epoch is opened for it.
     /// Enforces A6.
     fn report_sides(&mut self, context: &mut Context) {
-        let persists = context.memory.mismatches > 1;
+        let persists = context.session.mismatches > 1;
         if !persists || !self.held.has_mismatch || self.reported_sides {
             return;
         }

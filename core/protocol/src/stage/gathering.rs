@@ -7,12 +7,13 @@ use std::time::Duration;
 use formation_model::{
     ClosedRoster, Digest, Epoch, GivenRefused, Incarnation, Message, ModuleId, ModulePhase,
     ModuleState, PlanningModule, ProblemError, Roster, RosterMember, RosterMessage, Service,
-    TargetAnnouncement, Voter, digest, standing_bodies,
+    TargetAnnouncement, digest, standing_bodies,
 };
 
 use super::super::context::Context;
 use super::super::event::{EpochReason, Event};
 use super::super::pins;
+use super::super::session::{shortfall_of, votes_of};
 
 use super::claims::EarlyClaims;
 use super::planning::Planning;
@@ -69,7 +70,7 @@ impl Gathering {
         announcement: &TargetAnnouncement,
         reason: EpochReason,
     ) -> Self {
-        let epoch = context.memory.next_epoch(context.module());
+        let epoch = context.session.next_epoch(context.module());
         context.emit(Event::Convened(epoch, reason));
         let target = digest::of_target(announcement);
         context.publish(Message::Roster(RosterMessage::Gather {
@@ -101,6 +102,7 @@ impl Gathering {
     fn enter(context: &mut Context, epoch: Epoch, target: Digest, role: Part) -> Self {
         context.stand_still();
         context.note_opened(epoch);
+        context.session.froze_idle = context.is_idle();
         context.set_shortfall(None);
         context.mark_state_changed();
         context.emit(Event::Gathered(epoch));
@@ -130,7 +132,10 @@ impl Gathering {
         state.bodies = context.absent_bodies();
         context.describe_removals(state, self.epoch, self.since);
         state.spot = context.pin_for(|| self.target);
-        state.quorum_bases = context.memory.quorum.bases();
+        let voters = context.session.voters();
+        state.removed_voters.clone_from(&voters.removed);
+        state.listed_voters.clone_from(&voters.listed);
+        state.is_idle = context.session.froze_idle;
     }
 
     /// Why a member no longer waits for the roster, if so.
@@ -163,15 +168,7 @@ impl Gathering {
                     && heartbeat.epoch == Some(self.epoch)
                     && heartbeat.digest.is_none()
             });
-        // A convener believes only modules that count in a roster which it knows. If those of a later roster have restarted
-        // without a store, a member may know of a majority that the convener cannot learn of.
-        let lacks_quorum = || {
-            let live = context.live_voters();
-            let target = context.target.announcement();
-            let target = target.map(Arc::as_ref);
-            let shortfall = context.shortfall_of(&context.memory, &live, target);
-            shortfall.is_some()
-        };
+        let lacks_quorum = || context.live_shortfall().is_some();
         let is_overdue =
             context.now > self.waits_since + patience && !(still_waits && lacks_quorum());
         let has_left = context.peers.heartbeat(convener).is_some_and(|heartbeat| {
@@ -201,9 +198,6 @@ impl Gathering {
         if !context.robot.is_at_rest() {
             return Transition::Stay(Stage::Gathering(self));
         }
-        let target = context.target.announcement().cloned();
-        let memory = &mut context.memory;
-        memory.learn_from(&frozen, self.epoch, target.as_deref());
         context.learn_bodies(&frozen, self.since);
         if reports_limit {
             report_missing(&frozen, context);
@@ -259,23 +253,22 @@ impl Gathering {
         members.sort_by_key(|member| member.module.id);
         let is_active = |member: &RosterMember| member.service == Service::Active;
         let some_is_active = members.iter().any(is_active);
-        let voters: Vec<Voter> = members.iter().map(RosterMember::voter).collect();
+        let voters = context
+            .session
+            .voters_for(frozen, context.removals.due_votes());
         let mut roster = Roster {
             epoch: self.epoch,
             target: (*announcement).clone(),
             bodies: context.bodies_outside(&members, self.epoch),
             members,
-            quorum_bases: context.memory.quorum.bases(),
+            voters,
             timing: context.parameters.timing(),
         };
-        let shortfall = context.shortfall_of(&context.memory, &voters, Some(&announcement));
-        let shortfall =
-            shortfall.or_else(|| context.memory.quorum.lacks_room_for(&roster.quorum_basis()));
+        let votes = votes_of(&roster.members);
+        let shortfall = shortfall_of(&roster.voters, votes, Some(&announcement));
         context.set_shortfall(shortfall);
         if shortfall.is_some() {
-            let live = context.live_voters();
-            let lacks_live = context.shortfall_of(&context.memory, &live, Some(&announcement));
-            if lacks_live.is_none() {
+            if context.live_shortfall().is_none() {
                 return self.wait_for_others(&announcement, context);
             }
             // The members stay frozen, and the gathering continues when more modules are within reach.
@@ -341,11 +334,10 @@ impl Collection {
         let limit_at = since + context.parameters.gather_limit;
         let is_quiet = context.now >= quiet_at;
         // Only the first roster waits for a number; later ones replace members that may be gone for good.
-        let waits_for_number =
-            !context.memory.number_was_met && !context.memory.quorum.has_agreed();
+        let waits_for_number = !context.session.number_was_met && !context.session.has_seen_plan;
         let is_complete = match context.target.expected_modules() {
             Some(expected) if waits_for_number => count >= expected as usize,
-            _ => is_quiet || count >= context.live_voters().len(),
+            _ => is_quiet || count >= context.live_modules().len(),
         };
         if is_complete {
             return Collected::Complete {
@@ -396,7 +388,8 @@ fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {
 fn member_of(state: &ModuleState) -> RosterMember {
     RosterMember {
         incarnation: state.incarnation,
-        store: state.store,
+        knows: state.knows,
+        is_idle: state.is_idle,
         service: state.service,
         module: PlanningModule {
             id: state.module,

@@ -26,6 +26,8 @@ use super::route::{HeldMotion, PathPlace};
 pub(crate) struct HeldPlan {
     own: ModuleId,
     pub roster: Arc<ClosedRoster>,
+    /// When this module received the roster. All members had frozen by then.
+    pub closed_at: Duration,
     pub plan: Arc<Plan>,
     /// How the modules move.
     pub(super) motion: HeldMotion,
@@ -86,6 +88,7 @@ impl HeldPlan {
             digest,
             roster_plan,
             roster,
+            closed_at: Duration::ZERO,
             plan,
             turns,
             has_mismatch: false,
@@ -421,7 +424,7 @@ impl HeldPlan {
             return false;
         };
         self.has_mismatch = true;
-        context.memory.mismatches += 1;
+        context.session.mismatches += 1;
         context.emit(Event::DigestMismatch {
             module,
             theirs,

@@ -65,7 +65,7 @@ impl Hash for Outsider {
 /// Hashes a roster. The revision identifies its target.
 pub(super) fn hash_roster(roster: &Roster, state: &mut impl Hasher) {
     (roster.epoch, roster.target.revision).hash(state);
-    (&roster.members, &roster.quorum_bases, &roster.bodies).hash(state);
+    (&roster.members, &roster.voters, &roster.bodies).hash(state);
 }
 
 /// The result of a step.

@@ -57,7 +57,7 @@ impl Planning {
         let listed = roster.members.iter().map(|member| member.module.id);
         context.peers.note_listed(listed);
         let expected = roster.target.expected_modules;
-        context.memory.number_was_met |=
+        context.session.number_was_met |=
             expected.is_some_and(|expected| members >= expected as usize);
         let problem = roster.problem().ok().flatten();
         let Some(problem) = problem else {
@@ -230,11 +230,11 @@ impl Planning {
             context.emit(Event::AssemblyWarning(warning));
         }
         report_motion(planned.motion(), epoch, context);
-        let basis = self.roster.quorum_basis();
-        context.memory.quorum.note_shown(epoch, &basis);
+        context.session.note_shown(&self.roster);
         context.mark_state_changed();
         let own = context.module();
-        let held = HeldPlan::new(own, self.roster, planned, roster_plan, digest, turns);
+        let mut held = HeldPlan::new(own, self.roster, planned, roster_plan, digest, turns);
+        held.closed_at = self.began;
         Stage::Agreeing(Box::new(Agreeing::new(held, context.now)))
     }
 }
@@ -313,7 +313,8 @@ mod tests {
         let identity = Identity {
             module: own,
             incarnation: Incarnation(1),
-            store: None,
+            has_store: false,
+            is_first_run: false,
             pose: problem.modules()[0].pose,
             links: BTreeSet::new(),
             configuration: None,

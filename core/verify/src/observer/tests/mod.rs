@@ -18,7 +18,7 @@ use formation_model::{
     Heartbeat, Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
     PlannerParameters, PlanningModule, Polyline, Pose, RawGiven, RawGivenSpot, RawSpot, RawTarget,
     Roster, RosterMember, RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection,
-    Stop, Target, TargetAnnouncement, Whereabouts,
+    Stop, Target, TargetAnnouncement, Voters, Whereabouts,
 };
 
 const EPOCH: Epoch = Epoch {
@@ -107,7 +107,7 @@ fn star() -> Arc<Target> {
 
 fn good_sequence() -> Sequence {
     let target = TargetAnnouncement {
-        founders: Vec::new(),
+        voters: Vec::new(),
         revision: 1,
         name: "star".to_owned(),
         target: Some(star()),
@@ -121,7 +121,8 @@ fn good_sequence() -> Sequence {
     };
     let members = (1..=5)
         .map(|id| RosterMember {
-            store: None,
+            knows: true,
+            is_idle: true,
             incarnation: INCARNATION,
             service: Service::Active,
             module: PlanningModule {
@@ -189,7 +190,8 @@ fn good_claims() -> Vec<SpotClaim> {
 
 fn heartbeat(module: u32, sequence: u64, digest_since: u64) -> Heartbeat {
     Heartbeat {
-        store: None,
+        knows: true,
+        voters: 0,
         module: ModuleId(module),
         incarnation: INCARNATION,
         sequence,
@@ -262,7 +264,7 @@ impl Sequence {
             epoch: EPOCH,
             target: self.target.clone(),
             members: self.members.clone(),
-            quorum_bases: Vec::new(),
+            voters: Voters::default(),
             bodies: Vec::new(),
         }
     }
