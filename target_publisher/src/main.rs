@@ -142,7 +142,7 @@ impl Program for Arguments {
                 name: scenario.name().to_owned(),
                 target: announcement.target.filter(|_| !self.withdraw),
                 expected_modules: self.expected_modules,
-                voters: voters.clone(),
+                voters,
                 ..announcement
             }
         });

@@ -238,15 +238,18 @@ fn put_motion(canonical: &mut Canonical, motion: &MotionPlan) {
 }
 
 fn put_voters(canonical: &mut Canonical, voters: &Voters) {
-    canonical.length(voters.named.len());
-    for module in &voters.named {
+    put_modules(canonical, voters.named.iter());
+    put_modules(canonical, voters.removed.iter());
+    put_modules(canonical, voters.listed.iter());
+}
+
+fn put_modules<'a>(
+    canonical: &mut Canonical,
+    modules: impl ExactSizeIterator<Item = &'a ModuleId>,
+) {
+    canonical.length(modules.len());
+    for module in modules {
         canonical.identifier(Some(module.0));
-    }
-    for removals in [&voters.removed, &voters.listed] {
-        canonical.length(removals.len());
-        for module in removals {
-            canonical.identifier(Some(module.0));
-        }
     }
 }
 
@@ -256,10 +259,7 @@ pub fn of_voters(named: &[ModuleId]) -> u64 {
         return 0;
     }
     let mut canonical = Canonical::new("formation voters 1");
-    canonical.length(named.len());
-    for module in named {
-        canonical.identifier(Some(module.0));
-    }
+    put_modules(&mut canonical, named.iter());
     canonical.finish().0.max(1)
 }
 

@@ -397,6 +397,7 @@ impl Event {
             | Self::ClockInDoubt { .. }
             | Self::ClockStoodStill(_)
             | Self::WaitingForQuorum(_)
+            | Self::NoVoters
             | Self::AgreementLapsed(_)
             | Self::OffPath(_)
             | Self::KeepingClear(_)

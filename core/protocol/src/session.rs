@@ -135,11 +135,7 @@ impl Session {
     /// All members of a roster show the digest of one plan.
     pub fn note_in_force(&mut self, roster: &Roster) {
         self.note_shown(roster);
-        self.voters.removed.extend(&roster.voters.listed);
-        let Voters {
-            removed, listed, ..
-        } = &mut self.voters;
-        listed.retain(|module| !removed.contains(module));
+        self.voters.settle();
         self.was_in_force = true;
         self.mismatches = 0;
     }

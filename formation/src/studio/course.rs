@@ -279,7 +279,7 @@ impl Course {
             ),
             ModulePhase::WaitingForQuorum => (
                 self.dead.iter().copied().collect(),
-                "until it hears a majority of the members",
+                "until it hears a majority of the voters",
             ),
             ModulePhase::Moving => (Vec::new(), "moves"),
             ModulePhase::Settled => (Vec::new(), "stands on its spot"),

@@ -84,6 +84,7 @@ impl Cluster {
             body.has_store = false;
             body.is_first_run = false;
         }
+        self.stores.remove(&module);
     }
 
     /// From now on, some claims are preceded by a forged one that claims something else for the same turn. It reaches
@@ -242,7 +243,6 @@ impl Cluster {
         self.taken_away.insert(module);
         if takes_vote {
             self.take_store(module);
-            self.stores.remove(&module);
         }
         self.report_gone(module, takes_vote);
     }

@@ -92,6 +92,7 @@ impl Acting {
         context
             .peers
             .note_same_digest(now, stuck, &held.roster_plan.members);
+        let is_first = !context.session.was_in_force;
         context.session.note_in_force(&held.roster);
         context.settle_removals(&held.roster);
         context.pacing.relax(context.parameters.epoch_interval);
@@ -109,7 +110,7 @@ impl Acting {
         }
         if epoch.convener == context.module() {
             held.report_open_spots(context);
-            if held.roster.voters.named.is_empty() {
+            if is_first && held.roster.voters.named.is_empty() {
                 context.emit(Event::NoVoters);
             }
         }
