@@ -20,7 +20,7 @@ fn seen(part: &str) -> Option<Vec<Value>> {
         folder.to_str().unwrap(),
         part,
     ];
-    let child = python.start("tests/python/studio.py", &arguments, Stdio::null());
+    let child = python.start("tests/python/studio.py", &arguments, Stdio::piped());
     let output = child.wait_with_output().unwrap();
     let (said, errors) = (
         String::from_utf8_lossy(&output.stdout),

@@ -211,8 +211,13 @@ impl Course {
             FormationStage::Acting => Stage::Planned,
             FormationStage::Done => Stage::Settled,
         };
-        // A verdict on what was formed before says nothing of what is under way.
-        if stage < Stage::Settled && self.verdict.take().is_some() {
+        // A verdict on what was formed before says nothing of what is under way. Who begins to watch when all is done knows the verdict
+        // before the rest.
+        let begins_anew = self.progress.as_ref().is_some_and(|before| {
+            let is_later = before.epoch.is_some() && before.epoch != progress.epoch;
+            is_later || before.stage == FormationStage::Done
+        });
+        if stage < Stage::Settled && begins_anew && self.verdict.take().is_some() {
             self.send(&json!({"kind": "verdict", "outcome": null}));
         }
         let text = progress_line(&progress);
@@ -317,5 +322,39 @@ fn verdict_text(verdict: &RunVerdict) -> String {
             "NOT_JUDGED: {filled} of {spots} spots are filled; poses are not exact enough to tell whether bodies touched"
         ),
         Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn progress(phase: &str, epoch: u64) -> RunLine {
+        let line = json!({"progress": {
+            "phase": phase, "epoch": {"number": epoch, "convener": 1}, "joined": 2, "expected": 2, "planned": 2,
+            "agreed": 2, "settled": 2, "to_fill": 2, "waiting_for": [],
+        }});
+        serde_json::from_value(line).unwrap()
+    }
+
+    fn verdict() -> RunLine {
+        let line = json!({"verdict": {
+            "outcome": "COMPLETE", "filled_spots": 2, "spots": 2, "open_spots": [], "violations": [],
+            "collision_free": true,
+        }});
+        serde_json::from_value(line).unwrap()
+    }
+
+    #[test]
+    fn a_verdict_that_is_known_before_the_rest_stays_until_another_epoch_begins() {
+        let mut course = Course::new(EventHub::default(), true, None);
+        let lines = [verdict(), progress("agreeing", 1), progress("done", 1)];
+        lines.into_iter().for_each(|line| course.take(line));
+        assert!(course.verdict.is_some());
+        course.take(progress("gathering", 2));
+        assert!(course.verdict.is_none());
+        let lines = [progress("agreeing", 2), verdict(), progress("acting", 3)];
+        lines.into_iter().for_each(|line| course.take(line));
+        assert!(course.verdict.is_none());
     }
 }
