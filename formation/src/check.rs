@@ -68,7 +68,6 @@ fn check_scenario(path: &Path, drive: &str, json: bool) -> Result<(), Failure> {
     warn(path, &scenario);
     let plan = CheckedPlan::of(&scenario)?;
     plan.refuse_without_motion(path)?;
-    plan.warn_of_motion(path);
     if drive == DIFFERENTIAL {
         refuse_turning(path, &scenario)?;
     }

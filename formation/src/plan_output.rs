@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use formation_model::{PlanningProblem, Scenario};
-use formation_offline::{CheckedPlan, PlanStage, motion_warning};
+use formation_offline::{CheckedPlan, PlanStage};
 use ros_runtime::exit::Failure;
 
 use crate::console;
@@ -42,9 +42,6 @@ pub trait PlanOutput: Sized {
 
     /// Says so if a placement is not proven to be the best.
     fn warn_of_cut_search(&self, path: &Path);
-
-    /// Prints what is wrong with the motion, if it is not along paths for that reason.
-    fn warn_of_motion(&self, path: &Path);
 }
 
 fn warn_of(path: &Path, warnings: impl IntoIterator<Item = impl std::fmt::Display>) {
@@ -87,9 +84,5 @@ impl PlanOutput for CheckedPlan {
 
     fn warn_of_cut_search(&self, path: &Path) {
         warn_of(path, self.cut_search_text());
-    }
-
-    fn warn_of_motion(&self, path: &Path) {
-        warn_of(path, motion_warning(&self.motion));
     }
 }

@@ -49,11 +49,11 @@ pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     let name = without_compression(path);
     let name = name.file_stem().unwrap_or_default().to_string_lossy();
     let mut outcome = plan(Arc::clone(problem));
-    let (motion, planned) = PlannedMotion::of(problem, outcome.plan.clone(), &[]);
+    let (motion, planned) = PlannedMotion::of(problem, outcome.plan.clone());
     outcome.follow(problem, planned);
     let (name, course) = (one_line(&name), recording.entries());
-    let subject = Subject::of_course(&name, problem, &outcome, course, judged.as_ref())
-        .with_paths(&motion, &outcome);
+    let subject =
+        Subject::of_course(&name, problem, &outcome, course, judged.as_ref()).with_paths(&motion);
     let summary = summary(&replay, problem, &recording);
     let mut written = Vec::new();
     if let Some(file) = &arguments.film {

@@ -155,9 +155,6 @@ impl Host {
             .with_voters(&self.voters)
             .with_plans_of_host()
             .with_shared_samples();
-        if self.motion.mode == DriveMode::External {
-            agent = agent.of_robot();
-        }
         let journal = self.journal.as_ref();
         let stored = journal.and_then(|journal| journal.state_of(identity.module));
         agent = agent.restored(stored.or(earlier));

@@ -101,10 +101,8 @@ impl ModuleProcess {
         {
             let problem = scenario.problem();
             let planned = plan(Arc::new(problem.clone()));
-            let (planned, _) = PlannedMotion::of(problem, planned.plan, &[]);
-            planned
-                .check_for_robots()
-                .map_err(RosContextError::BadInput)?;
+            let (planned, _) = PlannedMotion::of(problem, planned.plan);
+            planned.check().map_err(RosContextError::BadInput)?;
         }
         let options = self.memory.clone().read(parameters.values())?;
         let voters = options

@@ -28,6 +28,7 @@ impl Body {
     pub const WHEREABOUTS_ON_THE_WAY: u8 = 2;
     pub const WHEREABOUTS_HALTED: u8 = 3;
     pub const WHEREABOUTS_REMOVED: u8 = 4;
+    pub const WHEREABOUTS_IN_BLOCK: u8 = 5;
 }
 
 impl From<&BodyReport> for Body {
@@ -35,6 +36,7 @@ impl From<&BodyReport> for Body {
         let whereabouts = match &report.whereabouts {
             Whereabouts::Seen(_) => Self::WHEREABOUTS_SEEN,
             Whereabouts::OnTheWay(_) => Self::WHEREABOUTS_ON_THE_WAY,
+            Whereabouts::InBlock(_) => Self::WHEREABOUTS_IN_BLOCK,
             Whereabouts::Halted(_) => Self::WHEREABOUTS_HALTED,
             Whereabouts::Removed => Self::WHEREABOUTS_REMOVED,
         };
@@ -64,7 +66,8 @@ impl Body {
             y: check::micro("y_micro", self.y_micro)?,
             theta: check::micro("theta_micro", self.theta_micro)?,
         };
-        if self.whereabouts != Self::WHEREABOUTS_ON_THE_WAY {
+        let has_path = [Self::WHEREABOUTS_ON_THE_WAY, Self::WHEREABOUTS_IN_BLOCK];
+        if !has_path.contains(&self.whereabouts) {
             let path = [("path_micro", self.path_micro.len())];
             check::empty(&path, "only a body on the way has a path")?;
         }
@@ -76,10 +79,11 @@ impl Body {
             whereabouts: match self.whereabouts {
                 Self::WHEREABOUTS_SEEN => Whereabouts::Seen(pose),
                 Self::WHEREABOUTS_ON_THE_WAY => Whereabouts::OnTheWay(self.path(pose)?),
+                Self::WHEREABOUTS_IN_BLOCK => Whereabouts::InBlock(self.path(pose)?),
                 Self::WHEREABOUTS_HALTED => Whereabouts::Halted(pose),
                 Self::WHEREABOUTS_REMOVED => Whereabouts::Removed,
                 value => {
-                    let known = "SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
+                    let known = "SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4, IN_BLOCK 5";
                     return Err(FieldError::unknown("whereabouts", value, known));
                 }
             },

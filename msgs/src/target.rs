@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use formation_model::{
-    self as model, BodyShape, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea,
-    RawGiven, RawGivenSpot, RawSpot, RawSurroundings, RawTarget, Spread, Surroundings, Target,
+    self as model, BodyShape, CutPrice, ModuleSize, PaperOptions, Policy, RawArea, RawGiven,
+    RawGivenSpot, RawSpot, RawSurroundings, RawTarget, Spread, Surroundings, Target,
     TargetAnnouncement, TurnOrder, Weights, WeightsError,
 };
 use serde::{Deserialize, Serialize};
@@ -127,12 +127,14 @@ enumeration! {
     }
 }
 
-enumeration! {
-    PlannerParameters "motion": motion_to_wire, motion_from_wire => MotionMode {
-        MOTION_AUTO AUTO 0 = Auto,
-        MOTION_PATHS PATHS 1 = Paths,
-        MOTION_STRAIGHT STRAIGHT 2 = Straight,
-    }
+/// Values of the deprecated field `motion`.
+impl PlannerParameters {
+    /// Along paths.
+    pub const MOTION_AUTO: u8 = 0;
+    /// Along paths.
+    pub const MOTION_PATHS: u8 = 1;
+    /// Refused.
+    pub const MOTION_STRAIGHT: u8 = 2;
 }
 
 enumeration! {
@@ -165,7 +167,7 @@ impl From<&model::PlannerParameters> for PlannerParameters {
             spread: parameters.spread.per_unit().to_units(),
             keep_all_spots: parameters.keep_all_spots,
             policy_options: options_to_wire(parameters),
-            motion: motion_to_wire(parameters.motion),
+            motion: Self::MOTION_AUTO,
         }
     }
 }
@@ -222,6 +224,10 @@ impl PlannerParameters {
                     },
                 )
             })?;
+        if self.motion > Self::MOTION_PATHS {
+            let known = "AUTO 0 and PATHS 1, which are the same: modules move along paths only";
+            return Err(FieldError::unknown("motion", self.motion, known));
+        }
         Ok(model::PlannerParameters {
             policy,
             paper: options_from_wire(policy, &self.policy_options)?,
@@ -247,7 +253,6 @@ impl PlannerParameters {
             spread: Spread::from_units(self.spread)
                 .map_err(|error| FieldError::new("spread", error))?,
             keep_all_spots: self.keep_all_spots,
-            motion: motion_from_wire(self.motion)?,
         })
     }
 }
@@ -353,11 +358,6 @@ impl TargetConfiguration {
             .planner
             .validated()
             .map_err(|error| error.within("planner"))?;
-        let has_obstacles = !self.obstacles.is_empty() || self.has_arena();
-        if has_obstacles && parameters.motion == MotionMode::Straight {
-            let reason = "straight lines would lead through obstacles and walls";
-            return Err(FieldError::contradiction("planner.motion", reason));
-        }
         let target = if self.withdrawn {
             let lists = [
                 ("spots", self.spots.len()),

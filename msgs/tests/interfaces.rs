@@ -178,7 +178,8 @@ fn constants_agree() {
         .filter(|(_, constants)| !constants.is_empty())
         .collect();
     let of_rust = constants! {
-        Body: WHEREABOUTS_SEEN, WHEREABOUTS_ON_THE_WAY, WHEREABOUTS_HALTED, WHEREABOUTS_REMOVED;
+        Body: WHEREABOUTS_SEEN, WHEREABOUTS_ON_THE_WAY, WHEREABOUTS_HALTED, WHEREABOUTS_REMOVED,
+            WHEREABOUTS_IN_BLOCK;
         DockingRequest: ACTION_DOCK, ACTION_UNDOCK;
         EvictionRecord: NONE;
         ModuleState:

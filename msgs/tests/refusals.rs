@@ -282,8 +282,8 @@ fn targets() {
             "target: obstacles: 2001 entries, at most 2000 are allowed";
         target => target.arena = area(0.0, 0.0),
             "target: arena: spot 2 is beyond it";
-        target => { target.arena = area(0.0, 0.0); target.planner.motion = wire::PlannerParameters::MOTION_STRAIGHT; },
-            "target: planner.motion: straight lines would lead through obstacles and walls";
+        target => { target.planner.motion = wire::PlannerParameters::MOTION_STRAIGHT; },
+            "target: planner.motion: 2 is unknown; known are AUTO 0 and PATHS 1, which are the same: modules move along paths only";
         target => target.body_width = 1.1,
             "target: body_width: must lie between 0.1 units and 1, the pitch of the lattice, got 1.1";
         target => target.planner.cut_price = -1.0,
@@ -393,7 +393,7 @@ fn rosters() {
         roster => roster.bodies.reverse(), "roster: bodies[1]: module 9 must stand after module 7, the list ascends";
         roster => roster.bodies[1].module_id = 7, "roster: bodies[1]: module 7 is listed twice";
         roster => roster.bodies[1].whereabouts = 0,
-            "roster: bodies[1].whereabouts: 0 is unknown; known are SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
+            "roster: bodies[1].whereabouts: 0 is unknown; known are SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4, IN_BLOCK 5";
         roster => roster.bodies[1].x_micro = 1_000_000_000_001,
             "roster: bodies[1].x_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
              1000000000001";

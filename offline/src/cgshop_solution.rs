@@ -32,13 +32,7 @@ impl CgshopSolution {
     pub fn of(instance: &str, plan: &CheckedPlan) -> Result<Self, NoCgshopSolution> {
         let paths = match &plan.motion {
             PlannedMotion::Paths(paths) => paths,
-            PlannedMotion::Straight(Some(error)) | PlannedMotion::Refused(error) => {
-                return Err(NoCgshopSolution(error.to_string()));
-            }
-            PlannedMotion::Straight(None) => {
-                let reason = "its modules move in straight lines";
-                return Err(NoCgshopSolution(reason.to_owned()));
-            }
+            PlannedMotion::Refused(error) => return Err(NoCgshopSolution(error.to_string())),
         };
         let mut steps = vec![BTreeMap::new(); paths.makespan as usize];
         for unit in &paths.units {

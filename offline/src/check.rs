@@ -4,7 +4,7 @@ use formation_model::{ModuleId, PlanningProblem, Scenario, SpotId};
 use serde::Serialize;
 
 use crate::checked_plan::{CheckedPlan, PlanTurn};
-use crate::{motion, warnings};
+use crate::warnings;
 
 /// What `formation check --json` prints of a valid scenario.
 #[derive(Debug, Serialize)]
@@ -31,8 +31,7 @@ impl<'a> CheckReport<'a> {
     pub fn of(scenario: &'a Scenario, plan: &'a CheckedPlan) -> Self {
         let problem = scenario.problem();
         let statistics = &plan.statistics;
-        let mut warnings = warnings::of(problem);
-        warnings.extend(motion::warning(&plan.motion));
+        let warnings = warnings::of(problem);
         Self {
             name: scenario.name(),
             modules: problem.modules().len(),

@@ -166,7 +166,7 @@ impl CheckedPlan {
         let hole = hole_of(&problem, &outcome.plan);
         let hole = (!hole.is_empty()).then(|| joined(hole, "; "));
         report(PlanStage::Motion);
-        let (motion, plan) = PlannedMotion::of(&problem, outcome.plan.clone(), &[]);
+        let (motion, plan) = PlannedMotion::of(&problem, outcome.plan.clone());
         outcome.follow(&problem, plan);
         if outcome.swapped.is_some() {
             check(&problem, &outcome, check_swapped_plan)?;
@@ -290,7 +290,7 @@ impl CheckedPlan {
     /// What pictures show of a plan with this course; the name in one line.
     pub fn subject(&self, name: &str, course: &[Entry]) -> Subject {
         Subject::of_course(name, &self.problem, &self.outcome, course, None)
-            .with_paths(&self.motion, &self.outcome)
+            .with_paths(&self.motion)
     }
 
     /// Why no module would move by this plan, if so.
@@ -301,8 +301,11 @@ impl CheckedPlan {
             return Some(format!("no module would move: {cut_off}"));
         }
         match &self.motion {
-            PlannedMotion::Refused(error) => Some(format!("no module would move: {error}")),
-            PlannedMotion::Paths(_) | PlannedMotion::Straight(_) => None,
+            PlannedMotion::Refused(error) => {
+                let cure = error.cure();
+                Some(format!("no module would move: {error}; {cure}"))
+            }
+            PlannedMotion::Paths(_) => None,
         }
     }
 

@@ -32,7 +32,6 @@ pub use checked_plan::{
 pub use explain::{ExplanationReport, explanation_text};
 #[cfg(feature = "maps")]
 pub use import::{ImportError, ImportOptions, import, map_bytes_max};
-pub use motion::warning as motion_warning;
 pub use policy_instance::PolicyInstance;
 pub use scenario_text::{as_in_a_file, field_percent, generated, to_yaml, whole_yaml};
 pub use spread::WithoutSpread;

@@ -3,7 +3,6 @@
 use formation_model::text::counted;
 use formation_model::{ModuleId, ModuleMotion, MotionPlan, UnitMotion, Variant};
 use formation_motion::PlannedMotion;
-use formation_verifier_lines::NOT_COLLISION_FREE;
 use serde::Serialize;
 
 /// How the modules of a plan move.
@@ -12,13 +11,13 @@ use serde::Serialize;
 pub enum MotionSummary {
     /// Along paths without contact.
     Paths(Paths),
-    /// In straight lines, or not at all.
-    Other {
-        /// `straight`, or `none` if the scenario demands paths.
+    /// Not at all.
+    None {
+        /// `none`.
         mode: &'static str,
         collision_free: bool,
         /// Why there are no paths.
-        error: Option<String>,
+        error: String,
     },
 }
 
@@ -58,17 +57,13 @@ struct ModulePath {
 impl MotionSummary {
     /// What to print as JSON.
     pub fn of(motion: &PlannedMotion) -> Self {
-        let other = |mode, error: Option<String>| Self::Other {
-            mode,
-            collision_free: false,
-            error,
-        };
         match motion {
             PlannedMotion::Paths(plan) => Self::Paths(Paths::of(plan)),
-            PlannedMotion::Straight(error) => {
-                other("straight", error.as_ref().map(ToString::to_string))
-            }
-            PlannedMotion::Refused(error) => other("none", Some(error.to_string())),
+            PlannedMotion::Refused(error) => Self::None {
+                mode: "none",
+                collision_free: false,
+                error: error.to_string(),
+            },
         }
     }
 }
@@ -76,11 +71,7 @@ impl MotionSummary {
 /// What people should know before anything moves, if anything.
 pub fn warning(motion: &PlannedMotion) -> Option<String> {
     match motion {
-        PlannedMotion::Paths(_) | PlannedMotion::Straight(None) => None,
-        PlannedMotion::Straight(Some(error)) => Some(format!(
-            "modules move in straight lines, which is {NOT_COLLISION_FREE}: {error}; for paths, {}",
-            error.cure()
-        )),
+        PlannedMotion::Paths(_) => None,
         PlannedMotion::Refused(error) => {
             let cure = error.cure();
             Some(format!("no module will move: {error}; {cure}"))
@@ -88,11 +79,10 @@ pub fn warning(motion: &PlannedMotion) -> Option<String> {
     }
 }
 
-/// What is added to the outcome of a plan whose motion is not free of collisions, or that no module can carry out.
+/// What is added to the outcome of a plan that no module can carry out.
 pub fn mark(motion: &PlannedMotion) -> String {
     match motion {
         PlannedMotion::Paths(_) => String::new(),
-        PlannedMotion::Straight(_) => format!(", {NOT_COLLISION_FREE}"),
         PlannedMotion::Refused(_) => ", and none can move".to_owned(),
     }
 }
@@ -109,7 +99,6 @@ pub fn line(motion: &PlannedMotion) -> String {
                 counted(steps, "step"),
             )
         }
-        PlannedMotion::Straight(_) => format!("motion: straight lines, {NOT_COLLISION_FREE}"),
         PlannedMotion::Refused(_) => "motion: none".to_owned(),
     }
 }

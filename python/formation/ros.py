@@ -38,7 +38,7 @@ class Verdict:
         filled, spots: How many spots are filled, of how many.
         assignments: The spot of each module.
         violations: What is wrong, one sentence each.
-        collision_free: Whether modules moved along paths only, and no bodies overlapped.
+        collision_free: Whether no bodies overlapped.
     """
 
     outcome: str
@@ -264,7 +264,6 @@ def _set_planner(message: Any, scenario: Scenario) -> None:
     planner = scenario.to_dict()["planner"]
     message.policy = planner["policy"]
     message.order = getattr(message, f"ORDER_{planner['order'].upper()}")
-    message.motion = getattr(message, f"MOTION_{planner['motion'].upper()}")
     message.d_max = message.D_MAX_UNBOUNDED if planner["d_max"] is None else min(planner["d_max"], 2**31 - 1)
     for name, weight in planner["weights"].items():
         setattr(message, f"weight_{name}", float(weight))

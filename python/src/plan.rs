@@ -128,7 +128,7 @@ impl NativePlan {
     fn makespan(&self) -> Option<(u32, u32)> {
         match &self.plan.motion {
             PlannedMotion::Paths(paths) => Some((paths.makespan, paths.bound)),
-            PlannedMotion::Straight(_) | PlannedMotion::Refused(_) => None,
+            PlannedMotion::Refused(_) => None,
         }
     }
 
@@ -136,7 +136,7 @@ impl NativePlan {
     fn waypoints<'py>(&self, py: Python<'py>, module: u32) -> Bound<'py, PyBytes> {
         let units = match &self.plan.motion {
             PlannedMotion::Paths(paths) => paths.units.as_slice(),
-            PlannedMotion::Straight(_) | PlannedMotion::Refused(_) => &[],
+            PlannedMotion::Refused(_) => &[],
         };
         let modules = units.iter().flat_map(|unit| &unit.modules);
         let path = modules

@@ -1,13 +1,12 @@
-//! The course of a plan: its turns, then the motions: of all units along their paths, or of one unit after another in
-//! straight lines.
+//! The course of a plan: its turns, then the motions of all units along their paths.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use formation_event_log::{Entry, LogEvent, ModuleSnapshot, milliseconds};
 use formation_model::{
-    ActingUnit, Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem, Pose,
-    SpotId, Step, StepKind, UnitMotion,
+    Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem, Pose, SpotId, Step,
+    StepKind, UnitMotion,
 };
 use formation_motion::{MotionGoal, PlannedMotion, SimulatedDrive};
 use formation_planner::PlanOutcome;
@@ -41,12 +40,6 @@ pub fn course_of_plan(
     course.wait_for_turns();
     match motion {
         PlannedMotion::Paths(paths) => course.follow_paths(&paths.units, speed_units_per_s),
-        PlannedMotion::Straight(_) => {
-            let units = outcome.plan.assembly.units.iter();
-            for unit in units.filter(|unit| !unit.pinned) {
-                course.act(unit, speed_units_per_s);
-            }
-        }
         PlannedMotion::Refused(_) => {}
     }
     course.entries
@@ -176,29 +169,6 @@ impl<'a> Course<'a> {
             state.phase = ModulePhase::Settled;
             state.links.extend(docked);
         });
-    }
-
-    /// A unit undocks from the links that the plan breaks, moves and docks.
-    fn act(&mut self, unit: &ActingUnit, speed_units_per_s: f64) {
-        let placements = &unit.placements;
-        for &(module, _) in placements {
-            self.undock(module);
-            self.change(module, |state| state.phase = ModulePhase::Moving);
-        }
-        let longest = placements
-            .iter()
-            .filter_map(|&(module, spot)| {
-                let spot = self.problem.target().spot(spot)?;
-                Some(self.modules.get(&module)?.pose.distance_to(&spot.pose))
-            })
-            .max()
-            .unwrap_or_default();
-        // All drives of a unit take the time of its longest path.
-        let passed = Duration::try_from_secs_f64(longest.to_units() / speed_units_per_s);
-        self.now += passed.unwrap_or_default();
-        for &(module, spot) in placements {
-            self.settle(module, spot);
-        }
     }
 
     /// Undocks from the links that the plan does not keep.

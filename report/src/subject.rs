@@ -124,7 +124,7 @@ impl Subject {
 
     /// Adds the paths that the plan gives the modules.
     #[must_use]
-    pub fn with_paths(mut self, motion: &PlannedMotion, outcome: &PlanOutcome) -> Self {
+    pub fn with_paths(mut self, motion: &PlannedMotion) -> Self {
         match motion {
             PlannedMotion::Paths(motion) => {
                 for unit in &motion.units {
@@ -132,16 +132,6 @@ impl Subject {
                         if let Some(position) = self.position_of(module.module) {
                             self.modules[position].path = unit.poses_after(0, module).collect();
                         }
-                    }
-                }
-            }
-            PlannedMotion::Straight(_) => {
-                for (&module, &spot) in &outcome.plan.assignments {
-                    let spot = self.spots.iter().find(|known| known.id == spot);
-                    let end = spot.map(|spot| spot.pose);
-                    if let (Some(end), Some(position)) = (end, self.position_of(module)) {
-                        let module = &mut self.modules[position];
-                        module.path = vec![module.start, end];
                     }
                 }
             }

@@ -150,21 +150,6 @@ fn the_film_begins_at_the_first_motion() {
 }
 
 #[test]
-fn straight_motions_take_the_time_of_their_ways() {
-    let formed = Formed::of(
-        "
-target: {spots: [{id: 1, x: 0, y: 0}, {id: 2, x: 1, y: 0}], edges: [[1, 2]]}
-singletons: [{id: 7, x: 0, y: 2}, {id: 8, x: 1, y: 3}]
-planner: {motion: straight}
-",
-    );
-    let (course, film) = planned(&formed);
-    // One after another, at 5 units a second.
-    assert_eq!(course.last().unwrap().at_ms, 1_000);
-    assert!(film["length"].as_f64().unwrap() > film["begin"].as_f64().unwrap() + 1.0);
-}
-
-#[test]
 fn planned_paths_lead_to_the_spots_round_obstacles() {
     let formed = Formed::shipped("two_rooms");
     let (_, film) = planned(&formed);

@@ -106,11 +106,7 @@ fn a_plan_that_cannot_be_carried_out_ends_as_it_starts() {
     let narrow = "arena: {x: 1.5, y: 0, width: 4, height: 1}\n\
                   target: {spots: [{id: 1, x: 3, y: 0, theta: 1.5708}]}\nsingletons: [{id: 1, x: 0, y: 0}]";
     let formed = Formed::of(narrow);
-    assert!(
-        formed.motion.refusal(false).is_some(),
-        "{:?}",
-        formed.motion
-    );
+    assert!(formed.motion.refusal().is_some(), "{:?}", formed.motion);
     let picture = after(&formed.subject());
     assert!(picture.contains("after: 0 of 1 spot filled"), "{picture}");
     assert_eq!(count(&picture, "spot open"), 1 + 1);

@@ -6,8 +6,7 @@ use std::time::Duration;
 
 use formation_generate::{Apart, GenerateError, GeneratorParameters, Grouping, Random, set_apart};
 use formation_model::{
-    Message, ModuleId, MotionMode, PlanningProblem, Scenario, ScenarioError, Target,
-    TargetAnnouncement,
+    Message, ModuleId, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
 };
 use formation_protocol::AgentParameters;
 use formation_verify::Violation as Breach;
@@ -21,9 +20,6 @@ use crate::obstacles::add_obstacles;
 use crate::process::AgentFactory;
 use crate::transcript::Transcript;
 use crate::verifier::{LINGER, Verifier};
-
-/// How robots start.
-const ROBOTS_APART: (Apart, u32) = (Apart::Circles, 300);
 
 /// Two clocks that drift apart by twice this are just within the tolerance of the agents.
 const HOSTILE_DRIFT_PPM: u32 = 480;
@@ -51,9 +47,8 @@ pub struct CampaignParameters {
     pub modules_max: usize,
     /// The scenario to run instead of drawn ones.
     pub problem: Option<Arc<PlanningProblem>>,
-    /// If set, the modules of drawn scenarios start apart, in a field of this width in hundredths of the square root of their
-    /// number, so that they can move along paths.
-    pub apart: Option<(Apart, u32)>,
+    /// How the modules of drawn scenarios start apart, and the width of their field in hundredths of the square root of their number.
+    pub apart: (Apart, u32),
     /// The time from the start within which faults occur; churn takes four times as long.
     pub fault_span: Duration,
     /// The time after the last fault within which a run must end.
@@ -79,7 +74,7 @@ impl Default for CampaignParameters {
             modules_min: 5,
             modules_max: 40,
             problem: None,
-            apart: None,
+            apart: (Apart::Circles, 300),
             fault_span: Duration::from_secs(40),
             patience: Duration::from_secs(900),
             stores: None,
@@ -161,13 +156,10 @@ fn draw_problem(
     let generator =
         GeneratorParameters::new(modules, spots, random.below(u64::MAX)).grouped(Grouping::Mixed);
     let mut raw = formation_generate::generate(&generator)?;
-    // Robots do not set off where bodies touch.
-    let of_robots = parameters.faults.is_of_robots().then_some(ROBOTS_APART);
-    if let Some((apart, percent)) = parameters.apart.or(of_robots) {
-        set_apart(&mut raw, apart, percent, random.below(u64::MAX));
-    }
-    if of_robots.is_some() {
-        raw.planner.motion = MotionMode::Paths;
+    // Modules do not set off where bodies touch.
+    let (apart, percent) = parameters.apart;
+    set_apart(&mut raw, apart, percent, random.below(u64::MAX));
+    if parameters.faults.is_of_robots() {
         // In a third of the runs.
         let mut walls = Random::from_seed(random.below(u64::MAX));
         if walls.below(3) == 0 {
@@ -251,10 +243,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
     let network = cluster_parameters.network;
     // A slow process handles its messages a little later still.
     let margin = network.latency_max + network.delay_max + Duration::from_millis(120);
-    let agents = match parameters.faults.is_of_robots() {
-        true => parameters.agents.clone().of_robots(),
-        false => parameters.agents.clone(),
-    };
+    let agents = parameters.agents.clone();
     let mut cluster =
         Cluster::of_agents(&problem, cluster_parameters, random.below(u64::MAX), agents);
     if parameters.transcripts {

@@ -31,14 +31,6 @@ impl AgentFactory {
     }
 }
 
-impl AgentFactory {
-    /// The same agents, of robots: they never move in straight lines through each other.
-    #[must_use]
-    pub fn of_robots(self) -> Self {
-        Self::new(move |identity, parameters, now| self.make(identity, parameters, now).of_robot())
-    }
-}
-
 impl Default for AgentFactory {
     /// Agents without a bug.
     fn default() -> Self {

@@ -200,6 +200,7 @@ fn body_text(body: &BodyReport) -> String {
     let kind = match &body.whereabouts {
         Whereabouts::Seen(_) => "seen",
         Whereabouts::OnTheWay(_) => "on_the_way",
+        Whereabouts::InBlock(_) => "in_block",
         Whereabouts::Halted(_) => "halted",
         Whereabouts::Removed => "removed",
     };
@@ -315,7 +316,6 @@ fn noted(event: &Event) -> Entry {
         Event::ClockStoodStill(time) => Entry::of("clock_stood_still").millis("time_ms", *time),
         Event::RunRenumbered(_) => Entry::of("run_renumbered"),
         Event::TargetWithdrawn => Entry::of("target_withdrawn"),
-        Event::WaitingFor(modules) => Entry::of("waiting_for").modules("modules", modules),
         Event::MotionBegun(spot) => Entry::of("moving").spot("spot", Some(*spot)),
         Event::Settled(spot) => Entry::of("settled").spot("spot", Some(*spot)),
         Event::Spare => Entry::of("spare"),
@@ -354,7 +354,9 @@ fn noted(event: &Event) -> Entry {
         Event::RunRemoved(epoch) => Entry::of("run_removed").epoch(*epoch),
         Event::Stopped => Entry::of("stopped"),
         Event::Resumed => Entry::of("resumed"),
-        Event::NoPaths(error) => Entry::of("no_paths").with("reason", error),
+        Event::CannotReach(error) => Entry::of("cannot_reach").with("reason", error),
+        Event::MayMoveAgain => Entry::of("may_move_again"),
+        Event::CannotMakeWay(error) => Entry::of("cannot_make_way").with("reason", error),
         Event::InvalidStart(fault) => Entry::of("invalid_start").with("reason", fault),
         Event::NotMoving(error) => Entry::of("not_moving").with("reason", error),
         Event::GivenRefused(refused) => Entry::of("given_refused").with("reason", refused),

@@ -215,8 +215,7 @@ impl Verifier {
         self.receive(now);
     }
 
-    /// Records what a verdict reports. Drives pass through each other in straight lines, so that two robots may stand on one spot
-    /// although the modules keep their promises; then the verdict is right.
+    /// Records what a verdict reports. Where bodies have met, which the monitor judges by itself, the verdict is right.
     fn note(&mut self, at: Duration, breaches: Vec<Breach>, cluster: &Cluster) {
         for breach in breaches {
             let has_met = match breach {

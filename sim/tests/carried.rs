@@ -226,7 +226,6 @@ fn a_settled_module_halts_beyond_the_limit_for_the_deviation_and_stays() {
 fn a_docked_pair_that_is_torn_apart_on_its_way_ends_docked() {
     let problem = scenario(
         "target: {map: 'o-o'}\n\
-         planner: {motion: paths}\n\
          configurations:\n\
          - id: 1\n  \
            leader: 1\n  \

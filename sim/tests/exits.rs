@@ -56,8 +56,7 @@ singletons:
 ";
 
 fn parameters(text: &str, faults: FaultKind) -> CampaignParameters {
-    let text = format!("{text}\nplanner: {{motion: paths}}");
-    let scenario = Scenario::from_yaml(&text).unwrap();
+    let scenario = Scenario::from_yaml(text).unwrap();
     CampaignParameters {
         faults,
         problem: Some(Arc::new(scenario.problem().clone())),

@@ -17,7 +17,7 @@ use crate::support::{Trial, scenario};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(Grouping::Mixed);
-    let raw = formation_generate::generate(&parameters).unwrap();
+    let raw = formation_generate::generate_apart(&parameters).unwrap();
     Scenario::try_from(raw).unwrap().problem().clone()
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_generate::{GeneratorParameters, Grouping, Random, generate};
+use formation_generate::{GeneratorParameters, Grouping, Random, generate_apart};
 use formation_model::{
     ModuleId, PlanningProblem, Policy, RawGiven, RawGivenSpot, Scenario, SpotId,
 };
@@ -22,7 +22,7 @@ fn drawn(seed: u64) -> (PlanningProblem, Vec<(ModuleId, SpotId)>) {
     ][random.index(3)];
     let (modules, spots) = [(9, 9), (10, 7)][random.index(2)];
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(grouping);
-    let scenario = Scenario::try_from(generate(&parameters).unwrap()).unwrap();
+    let scenario = Scenario::try_from(generate_apart(&parameters).unwrap()).unwrap();
     let problem = scenario.problem().clone();
     let mut ids: Vec<ModuleId> = problem.modules().iter().map(|module| module.id).collect();
     for last in (1..ids.len()).rev() {

@@ -6,10 +6,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation_generate::{Apart, GeneratorParameters, Grouping, Random, generate, set_apart};
+use formation_generate::{GeneratorParameters, Grouping, Random, generate_apart};
 use formation_model::{
-    DockingAction, DockingResult, Message, ModuleId, MotionMode, PlanningProblem, Pose, Scenario,
-    SourceId, TargetAnnouncement,
+    DockingAction, DockingResult, Message, ModuleId, PlanningProblem, Pose, Scenario, SourceId,
+    TargetAnnouncement,
 };
 use formation_motion::{DriveCommand, ExternalDrive, ExternalParameters};
 use formation_protocol::{Agent, Input, Mutation, Output};
@@ -141,7 +141,7 @@ impl World {
             deepest: f64::NEG_INFINITY,
         };
         for module in problem.modules() {
-            let agent = agent(module).of_robot();
+            let agent = agent(module);
             let agent = match bug {
                 Some(bug) => agent.mutated(bug),
                 None => agent,
@@ -369,11 +369,8 @@ impl End {
 fn run(seed: u64, bug: Option<Mutation>) -> End {
     let mut random = Random::from_seed(seed);
     let modules = 3 + random.index(8);
-    let mut raw =
-        generate(&GeneratorParameters::new(modules, modules, seed).grouped(Grouping::Singletons))
-            .unwrap();
-    set_apart(&mut raw, Apart::Circles, 300, seed);
-    raw.planner.motion = MotionMode::Paths;
+    let parameters = GeneratorParameters::new(modules, modules, seed).grouped(Grouping::Singletons);
+    let raw = generate_apart(&parameters).unwrap();
     let problem = Scenario::try_from(raw).unwrap().problem().clone();
     let mut world = World::new(&problem, bug, seed);
     let noise = Localisation {

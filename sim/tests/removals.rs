@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::same_numbers::{LATE, with_runs};
-use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, settled, spots};
+use crate::support::{Trial, drawn, drawn_beside, hold_a_plan, ids, newest_epoch, settled, spots};
 use formation_generate::Grouping;
 use formation_model::{
     BodyReport, ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
@@ -164,7 +164,7 @@ fn a_report_of_another_run_than_the_known_one_is_refused() {
 #[test]
 fn a_late_module_that_receives_a_dropped_report_has_no_effect() {
     for seed in 0..6 {
-        let mut trial = Trial::new(&drawn(6, 5, Grouping::Singletons, seed), seed);
+        let mut trial = Trial::new(&drawn_beside(6, 5, Grouping::Singletons, seed), seed);
         let late = ModuleId(6);
         trial.cluster.start_late(late, Duration::from_secs(120));
         trial.run_for(Duration::from_secs(80));
@@ -233,7 +233,7 @@ fn a_member_that_hears_the_run_refuses_the_roster_by_name() {
 #[test]
 fn a_member_that_has_listened_for_less_refuses_the_roster_by_name() {
     for seed in 0..6 {
-        let mut trial = Trial::new(&drawn(6, 5, Grouping::Singletons, seed), seed);
+        let mut trial = Trial::new(&drawn_beside(6, 5, Grouping::Singletons, seed), seed);
         let young = ModuleId(6);
         trial.cluster.start_late(young, Duration::from_secs(120));
         trial.run_for(Duration::from_secs(116));
@@ -391,8 +391,7 @@ fn a_restarted_member_that_refuses_a_removal_opens_the_next_epoch() {
     }
 }
 
-/// Modules that move in straight lines pass through each other, so that one dies where another settles. The spot is held, and its
-/// removal frees none.
+/// The spot is held, and the removal of the body frees none.
 /// Shows B5.
 #[test]
 fn a_due_removal_of_a_body_on_a_held_spot_gets_a_roster_that_lists_it() {

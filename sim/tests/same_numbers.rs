@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, hold_a_plan, ids};
+use crate::support::{Trial, drawn, drawn_beside, hold_a_plan, ids};
 use formation_generate::Grouping;
 use formation_model::{
     BodyReport, ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
@@ -98,7 +98,7 @@ fn a_module_of_another_session_takes_no_body_from_one_with_its_number() {
 /// Shows B6.
 #[test]
 fn bodies_of_another_session_take_no_room_from_those_of_this_one() {
-    let problem = drawn(6, 5, Grouping::Singletons, 0);
+    let problem = drawn_beside(6, 5, Grouping::Singletons, 0);
     let mut trial = Trial::with(&problem, ClusterParameters::default(), 0);
     trial
         .cluster
@@ -120,7 +120,7 @@ fn bodies_of_another_session_take_no_room_from_those_of_this_one() {
 fn the_body_of_a_run_that_is_earlier_by_its_clock_is_known() {
     for seed in 0..12 {
         let agents = with_runs(ModuleId(3), &[LATE, 1_001]);
-        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let problem = drawn_beside(6, 5, Grouping::Singletons, seed);
         let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
         // A spare that could take the spot of the third module.
         let spare = Duration::from_secs(300);
@@ -234,7 +234,7 @@ fn modules_that_restarted_know_the_body_of_a_run_after_a_clock_was_set_back() {
     let third = ModuleId(3);
     let mut moved = 0;
     for seed in 0..8 {
-        let problem = drawn(8, 7, Grouping::Singletons, seed);
+        let problem = drawn_beside(8, 7, Grouping::Singletons, seed);
         let agents = with_runs(third, &[LATE, 1_001, 1_002]);
         let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
         trial
@@ -267,7 +267,7 @@ fn what_stores_hold_of_a_run_whose_clock_was_ahead_takes_no_spot_from_a_later_on
     let mut moved = 0;
     for seed in 0..8 {
         let agents = with_runs(third, &[LATE, 1_001]);
-        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let problem = drawn_beside(6, 5, Grouping::Singletons, seed);
         let parameters = ClusterParameters {
             stores: Stores::All,
             ..ClusterParameters::default()
@@ -297,7 +297,7 @@ fn end_after(wait: Duration, severed: &BTreeSet<(ModuleId, ModuleId)>) {
     let third = ModuleId(3);
     let mut moved = 0;
     for seed in 0..12 {
-        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let problem = drawn_beside(6, 5, Grouping::Singletons, seed);
         let agents = with_runs(third, &[LATE, 1_001]);
         let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
         trial

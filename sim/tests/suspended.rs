@@ -64,6 +64,7 @@ fn most_of_a_formation_on_one_machine_begins_new_runs_after_a_suspension() {
     let problem = drawn(5, 5, Grouping::Singletons, 4);
     let mut trial = Trial::new(&problem, 4);
     trial.until_formed_again();
+    trial.run_for(KNOWN);
     for module in 2..=5 {
         trial.cluster.suspend(ModuleId(module), SUSPENDED);
     }

@@ -62,10 +62,8 @@ impl WorldProcess {
     ) -> Result<(), RosContextError> {
         let problem = self.scenario.problem();
         let planned = plan(Arc::new(problem.clone()));
-        let refused = PlannedMotion::of(problem, planned.plan, &[])
-            .0
-            .check_for_robots();
-        refused.map_err(RosContextError::BadInput)?;
+        let (planned, _) = PlannedMotion::of(problem, planned.plan);
+        planned.check().map_err(RosContextError::BadInput)?;
         if self.options.drive == DriveKind::Differential {
             let refused = motion::check_differential_drives(problem);
             refused.map_err(RosContextError::BadInput)?;

@@ -128,7 +128,25 @@ pub enum GenerateError {
     },
 }
 
-/// Generates a scenario.
+/// The width of the field of [`generate_apart`], in hundredths of the square root of the number of modules.
+const APART_PERCENT: u32 = 300;
+
+/// Generates a scenario whose modules start apart, so that each can turn without touching another.
+///
+/// # Errors
+/// Names the parameter that is out of its range.
+pub fn generate_apart(parameters: &GeneratorParameters) -> Result<RawScenario, GenerateError> {
+    let mut scenario = generate(parameters)?;
+    set_apart(
+        &mut scenario,
+        Apart::Circles,
+        APART_PERCENT,
+        parameters.seed,
+    );
+    Ok(scenario)
+}
+
+/// Generates a scenario. Modules may start where others are, as in the paper.
 ///
 /// # Errors
 /// Names the parameter that is out of its range.

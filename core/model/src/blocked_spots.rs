@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::body_form::BodyForm;
 use crate::{
-    Area, BlockedSpot, BodyReport, ModuleId, MotionMode, Roster, RosterMember, Service, SpotId,
-    Target, Whereabouts,
+    Area, BlockedSpot, BodyReport, ModuleId, Pose, Roster, RosterMember, Service, SpotId, Target,
+    Whereabouts,
 };
 
 /// Whether a module is among these members, which ascend by module.
@@ -16,21 +16,15 @@ pub fn lists(members: &[RosterMember], module: ModuleId) -> bool {
 /// The spots of a target that bodies cover, ascending.
 ///
 /// The bodies are those that `bodies` reports of modules that are not members, and those of members that stay where they are: of
-/// those whose motion failed, and of retired ones where modules move along paths only. The spot of an active member that has
-/// settled on it is free of other bodies. Where modules move along paths only, a body covers a spot if it reaches into its cell, and
-/// otherwise if it is nearer than half a unit.
+/// those whose motion failed. The spot of an active member that has settled on it is free of other bodies. A body covers a spot if it
+/// reaches into its cell: no path leads there.
 pub fn blocked_spots(
     target: &Target,
-    motion: MotionMode,
     members: &[RosterMember],
     bodies: &[BodyReport],
 ) -> Vec<BlockedSpot> {
-    let may_make_room = motion != MotionMode::Paths && target.surroundings().is_open();
-    let staying = members.iter().filter(|member| match member.service {
-        Service::Active => false,
-        Service::Retired => !may_make_room,
-        Service::MotionFailed => true,
-    });
+    let staying = members.iter();
+    let staying = staying.filter(|member| member.service == Service::MotionFailed);
     let mut standing: Vec<BodyReport> = staying
         .map(|member| BodyReport {
             module: member.module.id,
@@ -49,20 +43,15 @@ pub fn blocked_spots(
     let active = RosterMember::active(members);
     let mut pins: Vec<SpotId> = active.filter_map(|member| member.module.pin).collect();
     pins.sort_unstable();
-    // Along paths no module reaches a spot if a body reaches into its cell.
-    let areas: Vec<Vec<Area>> = match motion {
-        MotionMode::Paths => areas_of(target, &standing),
-        MotionMode::Auto | MotionMode::Straight => vec![Vec::new(); standing.len()],
-    };
+    let areas = areas_of(target, &standing, members);
     let spots = target.spots().iter();
     spots
         .filter(|spot| pins.binary_search(&spot.id).is_err())
         .filter_map(|spot| {
             let cell = Area::cell(spot);
             let mut bodies = standing.iter().zip(&areas);
-            let (body, _) = bodies.find(|(body, areas)| {
-                body.covers(&spot.pose) || areas.iter().any(|area| area.overlaps(&cell))
-            })?;
+            let (body, _) =
+                bodies.find(|(_, areas)| areas.iter().any(|area| area.overlaps(&cell)))?;
             Some(BlockedSpot {
                 spot: spot.id,
                 module: body.module,
@@ -71,16 +60,42 @@ pub fn blocked_spots(
         .collect()
 }
 
+/// Whether a retired member stands on a spot, so that it makes way for a module that takes the spot.
+pub(crate) fn makes_room(target: &Target, member: &RosterMember) -> bool {
+    let pose = member.module.pose;
+    let areas = BodyForm::of(Some(target)).areas(&[pose], 0, &[]);
+    let mut spots = target.spots().iter();
+    member.service == Service::Retired
+        && spots.any(|spot| {
+            let cell = Area::cell(spot);
+            areas.iter().any(|area| area.overlaps(&cell))
+        })
+}
+
 /// What each body covers.
-fn areas_of(target: &Target, bodies: &[BodyReport]) -> Vec<Vec<Area>> {
+fn areas_of(target: &Target, bodies: &[BodyReport], members: &[RosterMember]) -> Vec<Vec<Area>> {
     let form = BodyForm::of(Some(target));
     let mut known = 0;
     let of_each = bodies.iter().map(|body| {
-        let areas = form.areas(body.whereabouts.poses(), known);
+        let areas = body_areas(form, body, known, members);
         known += areas.len();
         areas
     });
     of_each.collect()
+}
+
+/// What the body of a module that is no member may cover, in few rectangles if `known` others are many.
+pub(crate) fn body_areas(
+    form: BodyForm,
+    body: &BodyReport,
+    known: usize,
+    members: &[RosterMember],
+) -> Vec<Area> {
+    let others: Vec<Pose> = match body.whereabouts {
+        Whereabouts::OnTheWay(_) => members.iter().map(|member| member.module.pose).collect(),
+        _ => Vec::new(),
+    };
+    form.areas(body.whereabouts.poses(), known, &others)
 }
 
 /// The part of a target that can be formed although some of its spots are blocked: of the connected parts of the others,
@@ -122,10 +137,9 @@ impl Roster {
 
     /// The blocked spots if these were the bodies of modules that are not members.
     pub fn blocked_by(&self, bodies: &[BodyReport]) -> Vec<BlockedSpot> {
-        let motion = self.target.parameters.motion;
         let target = self.target.target.as_ref();
         target.map_or_else(Vec::new, |target| {
-            blocked_spots(target, motion, &self.members, bodies)
+            blocked_spots(target, &self.members, bodies)
         })
     }
 
@@ -191,22 +205,19 @@ mod tests {
     }
 
     fn blocked(members: &[RosterMember], bodies: &[BodyReport]) -> Vec<(u32, u32)> {
-        blocked_spots(&row(7), MotionMode::Auto, members, bodies)
+        blocked_spots(&row(7), members, bodies)
             .into_iter()
             .map(|BlockedSpot { spot, module }| (spot.0, module.0))
             .collect()
     }
 
     #[test]
-    fn a_body_covers_what_is_nearer_than_half_a_unit() {
-        let still = |x, y| [report(9, Whereabouts::Seen(at(x, y)))];
-        assert_eq!(blocked(&[], &still(3.0, 0.499)), [(3, 9)]);
-        assert_eq!(blocked(&[], &still(3.0, 0.5)), []);
+    fn a_body_covers_the_spots_on_its_way() {
         let between = [report(
             9,
             Whereabouts::OnTheWay(Polyline::line(at(2.0, 3.0), at(5.0, 0.0))),
         )];
-        assert_eq!(blocked(&[], &between), [(5, 9)]);
+        assert_eq!(blocked(&[], &between), [(4, 9), (5, 9)]);
         let along = [report(
             9,
             Whereabouts::OnTheWay(Polyline::line(at(-3.0, 0.3), at(3.0, 0.0))),
@@ -222,10 +233,10 @@ mod tests {
 
     /// A planner of paths refuses a spot if a body reaches into its cell.
     #[test]
-    fn along_paths_a_body_covers_the_cells_that_it_reaches_into() {
+    fn a_body_covers_the_cells_that_it_reaches_into() {
         let covered = |x, y| {
             let bodies = [report(9, Whereabouts::Seen(at(x, y)))];
-            let blocked = blocked_spots(&row(7), MotionMode::Paths, &[], &bodies);
+            let blocked = blocked_spots(&row(7), &[], &bodies);
             let spots = blocked.iter().map(|blocked| blocked.spot.0);
             spots.collect::<Vec<_>>()
         };

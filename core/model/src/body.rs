@@ -31,6 +31,9 @@ pub enum Whereabouts {
     Seen(Pose),
     /// A plan allowed it to move on along these lines from where it was last seen.
     OnTheWay(Polyline),
+    /// The same, as a part of a block or of a group that comes onto the lattice: the others may be where it was, where it is to be, or
+    /// above it in a fold.
+    InBlock(Polyline),
     /// It stands here: it has settled, stays where it is, or its turn to move cannot have come.
     Halted(Pose),
     /// It was reported as removed.
@@ -43,8 +46,9 @@ impl Whereabouts {
         match self {
             Self::Seen(_) => 0,
             Self::OnTheWay(_) => 1,
-            Self::Halted(_) => 2,
-            Self::Removed => 3,
+            Self::InBlock(_) => 2,
+            Self::Halted(_) => 3,
+            Self::Removed => 4,
         }
     }
 
@@ -53,7 +57,7 @@ impl Whereabouts {
     pub fn poses(&self) -> &[Pose] {
         match self {
             Self::Seen(pose) | Self::Halted(pose) => std::slice::from_ref(pose),
-            Self::OnTheWay(line) => line.poses(),
+            Self::OnTheWay(line) | Self::InBlock(line) => line.poses(),
             Self::Removed => &[],
         }
     }

@@ -3,6 +3,7 @@
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
+use crate::blocked_spots::makes_room;
 use crate::{
     Digest, PlanningProblem, ProblemError, Roster, RosterMember, SpotId, digest, standing_bodies,
 };
@@ -45,16 +46,13 @@ impl PartialEq for ClosedRoster {
 impl Eq for ClosedRoster {}
 
 impl ClosedRoster {
-    /// The planning input of this roster: the part of its target that bodies leave open, and its active members. A pin outside
-    /// of that part does not count. `None` when there is nothing to form.
+    /// [`Roster::problem`], computed once.
     ///
     /// # Errors
     /// Names the contradiction in the roster.
-    /// Enforces T5, S1, B3.
+    /// Enforces T5.
     pub fn problem(&self) -> Result<Option<Arc<PlanningProblem>>, ProblemError> {
-        self.problem
-            .get_or_init(|| problem_of(&self.roster))
-            .clone()
+        self.problem.get_or_init(|| self.roster.problem()).clone()
     }
 
     /// The digest of its target.
@@ -65,20 +63,32 @@ impl ClosedRoster {
     }
 }
 
-fn problem_of(roster: &Roster) -> Result<Option<Arc<PlanningProblem>>, ProblemError> {
-    let (Some(whole), Some(target)) = (&roster.target.target, roster.open_target()) else {
-        return Ok(None);
-    };
-    let is_outside =
-        |spot: SpotId| whole.position_of(spot).is_some() && target.position_of(spot).is_none();
-    let modules = RosterMember::active(&roster.members).map(|member| {
-        let mut module = member.module.clone();
-        module.pin = module.pin.filter(|&spot| !is_outside(spot));
-        module
-    });
-    let modules = modules.collect();
-    let problem = PlanningProblem::new(target, roster.target.parameters, modules)?;
-    let problem = problem.with_bodies(standing_bodies(roster));
-    problem.check_given()?;
-    Ok(Some(Arc::new(problem)))
+impl Roster {
+    /// The planning input of this roster: the part of its target that bodies leave open, its active members, and the retired ones
+    /// that make way. A pin outside of that part does not count. `None` when there is nothing to form.
+    ///
+    /// # Errors
+    /// Names the contradiction in the roster.
+    /// Enforces S1, S6, B3.
+    pub fn problem(&self) -> Result<Option<Arc<PlanningProblem>>, ProblemError> {
+        let (Some(whole), Some(target)) = (&self.target.target, self.open_target()) else {
+            return Ok(None);
+        };
+        let is_outside =
+            |spot: SpotId| whole.position_of(spot).is_some() && target.position_of(spot).is_none();
+        let modules = RosterMember::active(&self.members).map(|member| {
+            let mut module = member.module.clone();
+            module.pin = module.pin.filter(|&spot| !is_outside(spot));
+            module
+        });
+        let modules = modules.collect();
+        let making_room = self.members.iter();
+        let making_room = making_room.filter(|member| makes_room(whole, member));
+        let making_room = making_room.map(|member| member.module.clone()).collect();
+        let problem = PlanningProblem::new(target, self.target.parameters, modules)?
+            .with_bodies(standing_bodies(self))
+            .with_making_room(making_room);
+        problem.check_given()?;
+        Ok(Some(Arc::new(problem)))
+    }
 }

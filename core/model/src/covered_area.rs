@@ -24,6 +24,51 @@ impl Area {
         }
     }
 
+    /// What a body of this width covers at any heading, in rectangles: at most a part in 32 of its extent too much on each side.
+    pub fn of_turned_body(pose: &Pose, width: MicroUnits) -> Vec<Self> {
+        const PARTS: i64 = 32;
+        let around = Self::of_body(pose, width);
+        let half = width.0 / 2;
+        let corner = |right: i64, up: i64| {
+            let (x, y) = rotated((right, up), pose.theta.0);
+            (pose.x.0 + x, pose.y.0 + y)
+        };
+        let corners = [(half, half), (-half, half), (-half, -half), (half, -half)]
+            .map(|(right, up)| corner(right, up));
+        let (low, high) = (around.low.1.0, around.high.1.0);
+        let strip = |part: i64| {
+            let bottom = low + (high - low) * part / PARTS;
+            let top = low + (high - low) * (part + 1) / PARTS;
+            // Where its sides enter and leave the strip, and the corners in it.
+            let sides = (0..4).map(|side| (corners[side], corners[(side + 1) % 4]));
+            let at = |((x, y), (to_x, to_y)): ((i64, i64), (i64, i64)), height: i64| {
+                let height = height.clamp(y.min(to_y), y.max(to_y));
+                let rise = i128::from(to_y - y);
+                if rise == 0 {
+                    return [x.min(to_x), x.max(to_x)];
+                }
+                let along = i128::from(to_x - x) * i128::from(height - y) / rise;
+                let across = x + i64::try_from(along).unwrap_or_default();
+                [across, across]
+            };
+            let meets = |&((_, y), (_, to_y)): &((i64, i64), (i64, i64))| {
+                y.min(to_y) <= top && bottom <= y.max(to_y)
+            };
+            let ends = sides.filter(meets).flat_map(|side| {
+                let ends = [at(side, bottom), at(side, top)];
+                ends.into_iter().flatten()
+            });
+            let (left, right) = ends.fold((i64::MAX, i64::MIN), |(left, right), x| {
+                (left.min(x - 1), right.max(x + 1))
+            });
+            (left < right).then_some(Self {
+                low: (MicroUnits(left), MicroUnits(bottom)),
+                high: (MicroUnits(right), MicroUnits(top)),
+            })
+        };
+        (0..PARTS).filter_map(strip).collect()
+    }
+
     /// What a round body of this diameter covers: rectangles that hold the circle and reach beyond it by at most a sixteenth of its
     /// radius.
     pub fn of_round_body(pose: &Pose, width: MicroUnits) -> Vec<Self> {

@@ -65,7 +65,6 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
         canonical.signed(weight.0);
     }
     canonical.number(u64::from(parameters.keep_all_spots));
-    canonical.number(parameters.motion as u64);
     if parameters.policy == Policy::Paper {
         put_paper(canonical, &parameters.paper);
     }

@@ -124,6 +124,14 @@ impl UnitMotion {
         });
         first.into_iter().chain(along)
     }
+
+    /// Whether one of its modules moves as a part of something larger when it has done this many steps: of a block, or of what was
+    /// docked and comes onto the lattice.
+    pub fn is_in_block_after(&self, done: usize) -> bool {
+        let joint = usize::try_from(self.joint_steps).unwrap_or(usize::MAX);
+        let is_joint = done <= joint && !self.joint_with.is_empty();
+        is_joint || self.modules.len() > 1
+    }
 }
 
 /// Poses between the ends of a turn about the centre, by its heading.

@@ -20,19 +20,13 @@ pub enum TurnOrder {
     SizeFirst = 1,
 }
 
-/// How modules get to their spots. Digests contain the numbers.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
-)]
+/// Values of the key `motion` of scenario files from before modules moved along paths only. It has no effect any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum MotionMode {
-    /// Along paths where there are any; otherwise in straight lines, with a warning.
-    #[default]
-    Auto = 0,
-    /// Along paths without contact, all units at the same time. Where there are none, no module moves.
-    Paths = 1,
-    /// In straight lines, one unit after another. Modules may run into each other.
-    Straight = 2,
+enum FormerMotion {
+    Auto,
+    Paths,
+    Straight,
 }
 
 /// The weights of the cost of taking a spot; always `loc > dock > undock >= 0`.
@@ -303,8 +297,6 @@ pub struct PlannerParameters {
     /// Keep every spot even when there are fewer modules than spots, instead of trimming the target. The policy `paper`
     /// never trims.
     pub keep_all_spots: bool,
-    /// How modules get to their spots.
-    pub motion: MotionMode,
 }
 
 impl PlannerParameters {
@@ -375,7 +367,8 @@ struct RawPlannerParameters {
     cut_price: CutPrice,
     spread: Spread,
     keep_all_spots: bool,
-    motion: MotionMode,
+    /// Deprecated.
+    motion: Option<FormerMotion>,
 }
 
 /// Distinguishes a field that is `null` from one that is missing.
@@ -392,6 +385,10 @@ impl TryFrom<RawPlannerParameters> for PlannerParameters {
             let reason = "belongs to `policy: paper`, which is not set";
             return Err(FieldError::new("planner.paper", reason));
         }
+        if raw.motion == Some(FormerMotion::Straight) {
+            let reason = "modules move along paths only: leave this key out";
+            return Err(FieldError::new("planner.motion", reason));
+        }
         let of_bundle = is_paper.then(|| PaperBundle::default().d_max());
         Ok(Self {
             policy: raw.policy,
@@ -403,7 +400,6 @@ impl TryFrom<RawPlannerParameters> for PlannerParameters {
             cut_price: raw.cut_price,
             spread: raw.spread,
             keep_all_spots: raw.keep_all_spots,
-            motion: raw.motion,
         })
     }
 }

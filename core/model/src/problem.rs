@@ -6,8 +6,8 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::{
-    Area, CELL_UNREACHED, FreeCells, GivenRefused, MODULES_MAX, ModuleId, MotionMode, NO_ID,
-    PlannerParameters, PlanningModule, Policy, SpotId, Spread, Target, Topology,
+    Area, CELL_UNREACHED, FreeCells, GivenRefused, MODULES_MAX, ModuleId, NO_ID, PlannerParameters,
+    PlanningModule, Policy, SpotId, Spread, Target, Topology,
 };
 
 /// A connected group of docked modules, found from their links.
@@ -25,6 +25,8 @@ pub struct PlanningProblem {
     target: Arc<Target>,
     parameters: PlannerParameters,
     modules: Vec<PlanningModule>,
+    /// Modules that take no spot and make way where they stand on one.
+    making_room: Vec<PlanningModule>,
     /// What the bodies of modules cover that take no part.
     bodies: Vec<Area>,
     /// Whether no way leads from each module to the target; empty if one leads from all.
@@ -101,11 +103,12 @@ impl PlanningProblem {
                 .links
                 .retain(|&other| other != id && named.contains(&(id, other)));
         }
-        let cut_off = cut_off(&target, parameters.motion, &modules, &[]);
+        let cut_off = cut_off(&target, &modules, &[]);
         Ok(Self {
             target,
             parameters,
             modules,
+            making_room: Vec::new(),
             bodies: Vec::new(),
             cut_off,
         })
@@ -114,9 +117,39 @@ impl PlanningProblem {
     /// The same problem where bodies of modules that take no part stand in the way.
     #[must_use]
     pub fn with_bodies(mut self, bodies: Vec<Area>) -> Self {
-        self.cut_off = cut_off(&self.target, self.parameters.motion, &self.modules, &bodies);
+        self.cut_off = cut_off(&self.target, &self.modules, &bodies);
         self.bodies = bodies;
         self
+    }
+
+    /// The same problem where these modules stand on spots and make way for those that take them.
+    #[must_use]
+    pub fn with_making_room(mut self, modules: Vec<PlanningModule>) -> Self {
+        self.making_room = modules;
+        self
+    }
+
+    /// The modules that take no spot and make way where they stand on one.
+    pub fn making_room(&self) -> &[PlanningModule] {
+        &self.making_room
+    }
+
+    /// The same problem with those that make way among the modules, for the motion.
+    ///
+    /// # Errors
+    /// Refuses a module that is listed twice, or too many.
+    pub fn of_all_that_move(&self) -> Result<Self, ProblemError> {
+        let making_room = self
+            .making_room
+            .iter()
+            .cloned()
+            .map(|module| PlanningModule {
+                pin: None,
+                ..module
+            });
+        let modules = self.modules.iter().cloned().chain(making_room).collect();
+        let problem = Self::new(Arc::clone(&self.target), self.parameters, modules)?;
+        Ok(problem.with_bodies(self.bodies.clone()))
     }
 
     /// The same problem without the pins to some spots.
@@ -136,14 +169,10 @@ impl PlanningProblem {
         problem
     }
 
-    /// The same problem with other parameters, which must not move differently.
+    /// The same problem with other parameters.
     #[must_use]
     pub fn with_parameters(&self, parameters: PlannerParameters) -> Self {
         let mut problem = self.clone();
-        debug_assert_eq!(
-            problem.parameters.motion, parameters.motion,
-            "ways may differ"
-        );
         if parameters.policy != Policy::Given && self.target.given().is_some() {
             problem.target = Arc::new(Target::clone(&self.target).without_given());
         }
@@ -267,16 +296,10 @@ impl PlanningProblem {
     }
 }
 
-/// Whether obstacles, walls and bodies leave each module no way to the target; empty if there are none of them, or if modules may
-/// move in straight lines where there are no paths. All spots are connected by steps, so a module that reaches one reaches all.
-fn cut_off(
-    target: &Target,
-    motion: MotionMode,
-    modules: &[PlanningModule],
-    bodies: &[Area],
-) -> Vec<bool> {
-    let is_open = target.surroundings().is_open();
-    if is_open && (bodies.is_empty() || motion != MotionMode::Paths) {
+/// Whether obstacles, walls and bodies leave each module no way to the target; empty if there are none of them. All spots are
+/// connected by steps, so a module that reaches one reaches all.
+fn cut_off(target: &Target, modules: &[PlanningModule], bodies: &[Area]) -> Vec<bool> {
+    if target.surroundings().is_open() && bodies.is_empty() {
         return Vec::new();
     }
     let Some(cells) = FreeCells::around(target, modules, bodies) else {

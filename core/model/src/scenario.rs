@@ -11,9 +11,9 @@ use crate::field_error::{check_id, checked_pose, connected_graph};
 use crate::yaml::YamlError;
 use crate::{
     BodyShape, ConfigurationId, FieldError, GivenRefused, LINKS_MAX, MODULES_MAX, ModuleId,
-    ModuleSize, MotionMode, NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem,
-    Policy, ProblemError, RawArea, RawGiven, RawModule, RawPlacement, RawSurroundings, RawTarget,
-    SpotId, Surroundings, Target, Topology,
+    ModuleSize, NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem, Policy,
+    ProblemError, RawArea, RawGiven, RawModule, RawPlacement, RawSurroundings, RawTarget, SpotId,
+    Surroundings, Target, Topology,
 };
 
 /// The greatest depth of nested brackets; scenarios nest four.
@@ -353,10 +353,6 @@ impl TryFrom<RawScenario> for Scenario {
             Some(given) => target.with_given(given).map_err(in_target)?,
             None => target,
         };
-        if !target.surroundings().is_open() && raw.planner.motion == MotionMode::Straight {
-            let reason = "straight lines would lead through obstacles and walls";
-            return Err(FieldError::new("planner.motion", reason).into());
-        }
         check_degrees(target.topology(), |node| target.spots()[node].id).map_err(in_target)?;
         let members = raw.configurations.iter().map(|one| one.modules.len());
         let count = raw.singletons.len() + members.sum::<usize>();

@@ -1,20 +1,23 @@
 //! What bodies cover that take no part in a plan.
 
-use crate::blocked_spots::lists;
+use crate::blocked_spots::{body_areas, lists, makes_room};
 use crate::body_form::BodyForm;
-use crate::{Area, Roster, Service};
+use crate::{Area, Roster, RosterMember, Service};
 
-/// The bodies that stand in the way: those of the members that take no part in the plan, and those of absent modules.
+/// The bodies that stand in the way: those of the members that take no part in the plan and do not make way, and those of absent
+/// modules.
 pub fn standing_bodies(roster: &Roster) -> Vec<Area> {
-    let form = BodyForm::of(roster.target.target.as_deref());
+    let target = roster.target.target.as_deref();
+    let form = BodyForm::of(target);
     let members = roster.members.iter();
-    let aside = members.filter(|member| member.service != Service::Active);
+    let makes_way = |member: &RosterMember| target.is_some_and(|target| makes_room(target, member));
+    let aside = members.filter(|member| member.service != Service::Active && !makes_way(member));
     let aside = aside.map(|member| member.module.pose);
     let bodies = roster.bodies.iter();
     let absent = bodies.filter(|body| !lists(&roster.members, body.module));
-    let mut areas: Vec<Area> = aside.flat_map(|pose| form.areas(&[pose], 0)).collect();
+    let mut areas: Vec<Area> = aside.flat_map(|pose| form.areas(&[pose], 0, &[])).collect();
     for body in absent {
-        let more = form.areas(body.whereabouts.poses(), areas.len());
+        let more = body_areas(form, body, areas.len(), &roster.members);
         areas.extend(more);
     }
     areas

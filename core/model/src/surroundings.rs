@@ -229,8 +229,8 @@ mod tests {
                 "arena: spot 7 is beyond it",
             ),
             (
-                "arena: {x: 0, y: 0, width: 9, height: 9}\nplanner: {motion: straight}",
-                "planner.motion: straight lines would lead through obstacles and walls",
+                "planner: {motion: straight}",
+                "line 1 column 1: planner.motion: modules move along paths only: leave this key out",
             ),
         ] {
             assert_eq!(read(text).unwrap_err(), expected);

@@ -218,14 +218,13 @@ fn run(setting: &Setting, instances: u64) {
         };
         totals.blocks += outcome.plan.blocks.len();
         let before = cpu_time();
-        let (planned, _) = PlannedMotion::of(&problem, outcome.plan.clone(), &[]);
+        let (planned, _) = PlannedMotion::of(&problem, outcome.plan.clone());
         let elapsed = cpu_time().saturating_sub(before);
         match planned {
             PlannedMotion::Paths(motion) => totals.add(&problem, &outcome, &motion, elapsed),
-            PlannedMotion::Straight(Some(error)) | PlannedMotion::Refused(error) => {
+            PlannedMotion::Refused(error) => {
                 println!("  seed {seed}: {error}");
             }
-            PlannedMotion::Straight(None) => println!("  seed {seed}: straight lines"),
         }
     }
     totals.print(setting, instances);

@@ -24,9 +24,10 @@ fn planned(text: &str) -> Planned {
 /// With bodies of other modules in the way.
 fn planned_among(text: &str, bodies: &[Area]) -> Planned {
     let scenario = Scenario::from_yaml(text).unwrap();
-    let problem = Arc::new(scenario.problem().clone());
+    let problem = scenario.problem().clone().with_bodies(bodies.to_vec());
+    let problem = Arc::new(problem);
     let outcome = plan(Arc::clone(&problem));
-    let motion = PlannedMotion::of(&problem, outcome.plan, bodies).0;
+    let motion = PlannedMotion::of(&problem, outcome.plan).0;
     Planned { problem, motion }
 }
 

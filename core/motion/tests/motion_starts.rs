@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use formation_model::{
-    Area, MicroUnits, ModuleId, MotionPlan, PlanningModule, PlanningProblem, Pose, Scenario,
-    SpotId, StepKind, UnitMotion,
+    Area, BODY_WIDTH, MicroUnits, ModuleId, MotionPlan, PlanningModule, PlanningProblem, Pose,
+    Scenario, SpotId, StepKind, UnitMotion,
 };
 use formation_motion::paths::{MotionError, MotionParameters, Obstruction, StartFault};
 use formation_planner::plan;
@@ -178,19 +178,22 @@ fn row(spots: &[(f64, f64)], starts: &[(f64, f64, f64)]) -> Arc<PlanningProblem>
 fn starts_that_are_too_close_are_named() {
     let problem = row(
         &[(0.0, 0.0), (1.0, 0.0)],
-        &[(5.0, 5.0, 0.5), (6.2, 5.0, 0.5)],
+        &[(5.0, 5.0, 0.5), (5.8, 5.0, 0.5)],
     );
     let outcome = plan(Arc::clone(&problem));
     let found = motion(&problem, &outcome, &[], MotionParameters::default());
     let expected = StartFault::NotApart(ModuleId(1), ModuleId(2));
     assert_eq!(found, Err(MotionError::Starts(vec![expected])));
-    // With headings along the axes nothing has to turn, and a smaller distance will do.
-    let problem = row(
-        &[(0.0, 0.0), (1.0, 0.0)],
-        &[(5.0, 5.0, 0.0), (6.2, 5.0, 0.0)],
-    );
-    let outcome = plan(Arc::clone(&problem));
-    assert!(motion(&problem, &outcome, &[], MotionParameters::default()).is_ok());
+    // Where they do not overlap, they shift to where there is room to turn; with headings along the axes nothing has to.
+    for heading in [0.5, 0.0] {
+        let problem = row(
+            &[(0.0, 0.0), (1.0, 0.0)],
+            &[(5.0, 5.0, heading), (6.2, 5.0, heading)],
+        );
+        let outcome = plan(Arc::clone(&problem));
+        let found = motion(&problem, &outcome, &[], MotionParameters::default());
+        assert!(found.is_ok(), "{found:?}");
+    }
 }
 
 /// Three docked modules that were halted at different moments, and a single one at the corner of the third.
@@ -312,4 +315,30 @@ fn obstacles_are_gone_around_or_named() {
         MotionParameters::default(),
     );
     assert_eq!(covered, Err(MotionError::CoveredSpot(SpotId(2))));
+}
+
+/// The third of a row of three that is turned against the lattice has died: the other two have no room to turn beside it.
+#[test]
+fn a_group_shifts_away_from_a_body_beside_it_before_it_turns() {
+    let scenario = Scenario::from_yaml(
+        "
+target: {map: 'o-o'}
+configurations:
+  - id: 1
+    modules: [{id: 1, x: 20.0, y: 0.0, theta: 0.5}, {id: 2, x: 20.877583, y: 0.479426, theta: 0.5}]
+    edges: [[1, 2]]
+",
+    );
+    let body = Pose::from_units(21.755165, 0.958851, 0.5).unwrap();
+    let problem = Arc::new(scenario.unwrap().problem().clone());
+    let outcome = plan(Arc::clone(&problem));
+    let beside = Area::of_turned_body(&body, BODY_WIDTH);
+    let found = motion(&problem, &outcome, &beside, MotionParameters::default()).unwrap();
+    assert_eq!(found.units.len(), 1, "it stays one block");
+    let kinds = found.units[0].steps.iter().map(|step| step.kind);
+    let first: Vec<StepKind> = kinds.take(2).collect();
+    assert!(matches!(
+        first[..],
+        [StepKind::Shift, StepKind::Turn { .. }]
+    ));
 }

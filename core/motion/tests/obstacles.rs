@@ -12,7 +12,7 @@ fn planned(text: &str) -> PlannedMotion {
     let scenario = Scenario::from_yaml(text).unwrap();
     let problem = Arc::new(scenario.problem().clone());
     let outcome = plan(Arc::clone(&problem));
-    PlannedMotion::of(&problem, outcome.plan, &[]).0
+    PlannedMotion::of(&problem, outcome.plan).0
 }
 
 #[test]

@@ -22,15 +22,14 @@ use crate::support::walls::{Cell, Field};
 pub fn planned(problem: &Arc<PlanningProblem>) -> Result<(MotionPlan, Plan), MotionError> {
     let mut outcome = plan(Arc::clone(problem));
     let claimed = outcome.plan.clone();
-    let (motion, plan) = PlannedMotion::of(problem, outcome.plan, &[]);
+    let (motion, plan) = PlannedMotion::of(problem, outcome.plan);
     let motion = match motion {
         PlannedMotion::Paths(motion) => motion,
-        PlannedMotion::Straight(error) => return Err(error.unwrap()),
         PlannedMotion::Refused(error) => return Err(error),
     };
     let spots = |plan: &Plan| -> BTreeSet<SpotId> { plan.assignments.values().copied().collect() };
     assert_eq!(spots(&plan), spots(&claimed));
-    let again = PlannedMotion::of(problem, claimed, &[]);
+    let again = PlannedMotion::of(problem, claimed);
     assert_eq!(again, (PlannedMotion::Paths(motion.clone()), plan.clone()));
     outcome.plan = plan;
     assert_sound(problem, &outcome, &motion);
@@ -236,7 +235,7 @@ arena: {x: 6, y: 0, width: 13, height: 1}
             *spot = claimed.assignments[module];
         }
     }
-    let (motion, plan) = PlannedMotion::of(problem, claimed.clone(), &[]);
+    let (motion, plan) = PlannedMotion::of(problem, claimed.clone());
     assert!(motion.paths().unwrap().taken_apart.is_empty());
     assert_eq!(plan.blocks, claimed.blocks);
     assert_eq!(plan.kept_links, claimed.kept_links);

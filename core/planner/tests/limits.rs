@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use formation_generate::{GeneratorParameters, Grouping, generate};
 use formation_model::{
-    COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, MotionMode, PaperOptions,
-    PlannerParameters, PlanningProblem, Policy, ProblemError, RawScenario, Scenario, Spread,
-    TurnOrder, WEIGHT_LIMIT, Weights,
+    COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, PaperOptions, PlannerParameters,
+    PlanningProblem, Policy, ProblemError, RawScenario, Scenario, Spread, TurnOrder, WEIGHT_LIMIT,
+    Weights,
 };
 use formation_planner::{Planning, Statistics, plan};
 use formation_verify::check_plan;
@@ -71,7 +71,6 @@ fn the_longest_distances_at_the_greatest_weights_are_planned_and_verified() {
                         cut_price: CutPrice::from_units(WEIGHT_LIMIT).unwrap(),
                         spread: Spread::from_units(1.0).unwrap(),
                         keep_all_spots: false,
-                        motion: MotionMode::Auto,
                     };
                     let problem = with_parameters(scenario.problem(), parameters);
                     let outcome = plan(Arc::clone(&problem));

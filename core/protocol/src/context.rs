@@ -50,8 +50,6 @@ pub(super) struct Own {
     pub source: Option<SourceId>,
     pub configuration: Option<ConfigurationId>,
     pub leader: Option<ModuleId>,
-    /// Whether a driver moves it, and not a simulated drive.
-    pub is_robot: bool,
     /// Within what distance of a goal its drive has arrived.
     pub position_tolerance: MicroUnits,
     /// Beyond what stated deviation its localisation counts as lost.
@@ -96,7 +94,6 @@ impl Context {
                 source: None,
                 configuration: identity.configuration,
                 leader: identity.leader,
-                is_robot: false,
                 position_tolerance: POSITION_TOLERANCE,
                 deviation_limit: DEVIATION_LIMIT,
                 shares_samples: false,

@@ -153,7 +153,7 @@ impl Stage {
         if let Some(reason) = context.doubt_bodies(roster, is_to_fill, is_in_the_way) {
             return Some(reason);
         }
-        if held.is_some_and(|held| held.refusal(context).is_some()) {
+        if held.is_some_and(|held| held.refusal().is_some()) {
             let gone = bodies_gone(roster, context);
             if !gone.is_empty() {
                 return Some(EpochReason::BodiesGone(gone));

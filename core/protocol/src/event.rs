@@ -110,9 +110,6 @@ pub enum Event {
     /// No agreement: these members do not show the same digest yet.
     #[error("no agreement yet from modules {}", ids(.0))]
     WaitingForAgreement(Vec<ModuleId>),
-    /// Its unit waits for these modules to settle.
-    #[error("waiting for modules {} to settle", ids(.0))]
-    WaitingFor(Vec<ModuleId>),
     /// Another member shows another digest for the same epoch.
     #[error("{module} holds another plan: its digest is {theirs}, ours {ours}")]
     DigestMismatch {
@@ -183,11 +180,22 @@ pub enum Event {
     /// Its drive or ports failed, while it moved to this spot if it was moving; it takes no spot any more.
     #[error("{}its drive or docking ports failed; it takes no spot until it receives the command to rejoin", unreached(*.0))]
     MotionFailed(Option<SpotId>),
-    /// No path without contact begins where it stands, and the target forbids straight lines: it takes no spot any more.
+    /// No path without contact begins where it stands: it takes no spot any more.
     #[error(
-        "cannot move from where it stands: {0}; it takes no spot until it receives the command to rejoin"
+        "cannot move from where it stands: {0}; it takes no spot until other bodies are gone, or it receives the command to rejoin"
     )]
     InvalidStart(StartFault),
+    /// No path leads it to its spot: it takes none any more.
+    #[error(
+        "cannot move: {0}; it takes no spot until other bodies are gone, or it receives the command to rejoin"
+    )]
+    CannotReach(MotionError),
+    /// The bodies are gone past which it found no path: it takes spots again.
+    #[error("takes spots again, as other bodies have gone")]
+    MayMoveAgain,
+    /// It is retired, stands on a spot, and cannot make way: others leave the spot open.
+    #[error("stands on a spot and cannot make way: {0}")]
+    CannotMakeWay(MotionError),
     /// It received the command to leave the formation.
     #[error("retired: it leaves the formation")]
     Retired,
@@ -255,10 +263,7 @@ pub enum Event {
     /// The modules may move again, on command.
     #[error("resumed on command")]
     Resumed,
-    /// There are no paths without contact, for this reason: modules move in straight lines.
-    #[error("moves in straight lines, which is not collision-free: {0}")]
-    NoPaths(MotionError),
-    /// There are no paths without contact, and the target forbids straight lines: no module moves.
+    /// There are no paths without contact: no module moves.
     #[error("does not move: {0}")]
     NotMoving(MotionError),
     /// The target gives an allocation that these modules cannot carry out: no module moves.
@@ -409,7 +414,6 @@ impl Event {
             | Self::RemovalsHeard { .. }
             | Self::RemovalsEarly { .. }
             | Self::Stopped
-            | Self::NoPaths(_)
             | Self::AssemblyWarning(_) => Severity::Warning,
             _ => Severity::Info,
         }

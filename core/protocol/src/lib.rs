@@ -16,7 +16,6 @@
 //! each input the stage takes steps until none leads to another stage. A step depends on the whole state and not on an
 //! earlier message, so messages may come late, twice or in any order across writers.
 
-mod aside;
 mod asked_plan;
 mod clock_check;
 mod clock_offset;
@@ -137,13 +136,6 @@ impl Agent {
     #[must_use]
     pub fn published_by(mut self, source: SourceId) -> Self {
         self.context.own.source = Some(source);
-        self
-    }
-
-    /// The same agent, of a robot: it moves in straight lines only if the target demands them.
-    #[must_use]
-    pub fn of_robot(mut self) -> Self {
-        self.context.own.is_robot = true;
         self
     }
 
@@ -339,6 +331,7 @@ impl Agent {
         if are_removals_new && matches!(self.stage, Stage::Gathering(_)) {
             self.context.mark_state_changed();
         }
+        self.context.move_again();
         if !stands_back && self.context.target.is_set() {
             let stands_there = |stage: &Stage| stage.is_settled() && !stage.is_off_path();
             let stood_there = stands_there(&self.stage);

@@ -17,13 +17,12 @@ impl Agent {
     /// Records, before an epoch is left, where its other members stand or may be on their way.
     /// Enforces B2.
     pub(super) fn remember_members(&mut self) {
-        let reports = self.member_reports(self.stage.has_acted());
+        let reports = self.member_reports();
         self.context.bodies.note_ascending(reports.into_iter());
     }
 
-    /// Where the other members of the present roster stand or may be on their way, now that this module has `acted` or not; in
-    /// ascending order.
-    fn member_reports(&self, has_acted: bool) -> Vec<BodyReport> {
+    /// Where the other members of the present roster stand or may be on their way, in ascending order.
+    fn member_reports(&self) -> Vec<BodyReport> {
         let mut reports = Vec::new();
         let Some(roster) = self.stage.roster() else {
             return reports;
@@ -43,7 +42,7 @@ impl Agent {
                 _ if is_outside => Whereabouts::Seen(pose),
                 Some(held) => {
                     let place = places.get(&module).copied();
-                    held.whereabouts((module, place), pose, has_acted, peer)
+                    held.whereabouts((module, place), pose, peer)
                 }
                 None => Whereabouts::Halted(pose),
             };
@@ -64,7 +63,7 @@ impl Agent {
     pub(super) fn bodies_to_store(&self) -> Vec<BodyReport> {
         let mut bodies = self.context.bodies.clone();
         bodies.note_states(self.context.peers.states());
-        bodies.note_ascending(self.member_reports(true).into_iter());
+        bodies.note_ascending(self.member_reports().into_iter());
         if let Some(held) = self.stage.held_plan() {
             for report in self.context.removals.in_effect_by(&held.roster) {
                 bodies.note(report.clone());

@@ -95,6 +95,7 @@ impl Agent {
             return;
         }
         self.context.robot.service = service;
+        self.context.robot.kept_by = None;
         self.context.mark_state_changed();
         self.context.emit(event);
         if service == Service::Active

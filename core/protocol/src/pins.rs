@@ -5,45 +5,29 @@
 //! invent one.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
-use formation_model::{
-    Area, PlannerParameters, PlanningModule, PlanningProblem, RosterMember, Service, SpotId, Target,
-};
+use formation_model::{PlanningModule, Roster, SpotId, Target};
 
 use super::context::Context;
 use super::plans::PlanJob;
 
-/// Releases the pins that cannot stay; `members` ascend by module. `None` until the plan that shows which is computed.
+/// Releases the pins of a roster that cannot stay, where bodies leave a part of its target open. `None` until the plan that shows
+/// which is computed.
 /// Enforces P3.
-pub(super) fn release(
-    members: &mut [RosterMember],
-    target: &Arc<Target>,
-    parameters: PlannerParameters,
-    obstacles: Vec<Area>,
-    context: &mut Context,
-) -> Option<()> {
+pub(super) fn release(roster: &mut Roster, open: &Target, context: &mut Context) -> Option<()> {
     let mut held = BTreeSet::new();
-    for member in members.iter_mut() {
+    for member in &mut roster.members {
         let pin = &mut member.module.pin;
-        *pin = pin.filter(|&spot| target.position_of(spot).is_some() && held.insert(spot));
+        *pin = pin.filter(|&spot| open.position_of(spot).is_some() && held.insert(spot));
     }
     if held.is_empty() {
         return Some(());
     }
-    let active = members
-        .iter()
-        .filter(|member| member.service == Service::Active)
-        .map(|member| member.module.clone())
-        .collect();
-    let Ok(problem) = PlanningProblem::new(Arc::clone(target), parameters, active) else {
-        // There are too many members; each of them refuses the roster.
+    let Ok(Some(problem)) = roster.problem() else {
+        // Each member refuses the roster, or the convener does.
         return Some(());
     };
-    let planned = context.plan(PlanJob::release(
-        Arc::new(problem.with_bodies(obstacles.clone())),
-        obstacles,
-    ))?;
+    let planned = context.plan(PlanJob::release(problem))?;
     let kept: BTreeSet<SpotId> = planned
         .turns()
         .problem()
@@ -51,7 +35,7 @@ pub(super) fn release(
         .iter()
         .filter_map(|module: &PlanningModule| module.pin)
         .collect();
-    for member in members {
+    for member in &mut roster.members {
         let pin = &mut member.module.pin;
         *pin = pin.filter(|spot| kept.contains(spot));
     }

@@ -14,7 +14,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, OnceLock};
 
-use formation_model::{Area, ClosedRoster, ModuleId, Plan, PlanningProblem, digest};
+use formation_model::{ClosedRoster, ModuleId, Plan, PlanningProblem, digest};
 use formation_motion::PlannedMotion;
 use formation_planner::{PlannedTurns, plan_releasing_pins};
 
@@ -27,8 +27,6 @@ const PLANS_KEPT: usize = 3;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlanJob {
     problem: Arc<PlanningProblem>,
-    /// Where modules stand that take no part.
-    obstacles: Vec<Area>,
     /// Whether the pins that wall in spots are released first.
     releases_pins: bool,
 }
@@ -46,19 +44,17 @@ pub struct ComputedPlan {
 
 impl PlanJob {
     /// The plan for a problem as it is.
-    pub(super) fn plan(problem: Arc<PlanningProblem>, obstacles: Vec<Area>) -> Self {
+    pub(super) fn plan(problem: Arc<PlanningProblem>) -> Self {
         Self {
             problem,
-            obstacles,
             releases_pins: false,
         }
     }
 
     /// The plan for a problem after the release of the pins that wall in spots.
-    pub(super) fn release(problem: Arc<PlanningProblem>, obstacles: Vec<Area>) -> Self {
+    pub(super) fn release(problem: Arc<PlanningProblem>) -> Self {
         Self {
             problem,
-            obstacles,
             releases_pins: true,
         }
     }
@@ -73,7 +69,7 @@ impl PlanJob {
             PlannedTurns::of(problem)
         };
         let plan = Plan::clone(turns.plan());
-        let (motion, plan) = PlannedMotion::of(turns.problem(), plan, &self.obstacles);
+        let (motion, plan) = PlannedMotion::of(turns.problem(), plan);
         ComputedPlan {
             job: self,
             turns: turns.with_swaps(&plan.swaps),
@@ -106,7 +102,7 @@ impl ComputedPlan {
     pub(super) fn for_roster(&self, roster: &Arc<ClosedRoster>) -> Arc<RosterPlan> {
         let compute = || {
             let digest = digest::of_plan(roster, self.turns.decisions(), self.motion.paths());
-            Arc::new(RosterPlan::of(roster, &self.plan, &self.motion, digest))
+            Arc::new(RosterPlan::of(roster, &self.plan, digest))
         };
         let (known, shared) = self
             .for_roster
@@ -120,9 +116,7 @@ impl ComputedPlan {
 
     /// Whether this is the plan of a job. After a release of pins it is also the plan for the pins that stay.
     pub(super) fn answers(&self, job: &PlanJob) -> bool {
-        let is_for_rest = !job.releases_pins
-            && *self.turns.problem() == job.problem
-            && self.job.obstacles == job.obstacles;
+        let is_for_rest = !job.releases_pins && *self.turns.problem() == job.problem;
         is_for_rest || self.job == *job
     }
 }
@@ -223,7 +217,7 @@ pub(super) mod tests {
     }
 
     pub(crate) fn job(seed: u64) -> PlanJob {
-        PlanJob::plan(problem(seed), Vec::new())
+        PlanJob::plan(problem(seed))
     }
 
     #[test]
@@ -277,18 +271,14 @@ pub(super) mod tests {
 
     #[test]
     fn a_release_of_pins_answers_for_the_pins_that_stay() {
-        let job = PlanJob::release(problem(3), Vec::new());
+        let job = PlanJob::release(problem(3));
         let mut plans = SharedPlans::default();
         assert!(plans.ask(ModuleId(1), job.clone()).is_none());
         let computed = Arc::new(plans.next_job().unwrap().run());
         assert_eq!(plans.finish(Arc::clone(&computed)), [ModuleId(1)]);
         assert!(plans.ask(ModuleId(1), job).is_some());
         let kept = Arc::clone(computed.turns.problem());
-        assert!(
-            plans
-                .ask(ModuleId(2), PlanJob::plan(kept, Vec::new()))
-                .is_some()
-        );
+        assert!(plans.ask(ModuleId(2), PlanJob::plan(kept)).is_some());
     }
 
     #[test]

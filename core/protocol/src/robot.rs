@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
-    Digest, DriveState, Epoch, MicroUnits, ModuleId, Pose, SenderTime, Service, SpotId,
+    BodyReport, Digest, DriveState, Epoch, MicroUnits, ModuleId, Pose, SenderTime, Service, SpotId,
 };
 
 /// The spot on which a module has settled, and the target that it belongs to.
@@ -33,6 +33,8 @@ pub(super) struct Robot {
     pub moved_in: Option<(Epoch, MicroUnits)>,
     /// Whether the drive failed, and has not been measured to stand since.
     pub has_failed: bool,
+    /// If it is out of service because it found no path: the absent bodies that it knew then.
+    pub kept_by: Option<Vec<BodyReport>>,
     /// The modules to which it has asked its ports to dock, or from which to undock, without a report so far.
     pub ports_busy: BTreeSet<ModuleId>,
     /// The modules from which it was torn: its ports opened unasked. While they still show themselves docked to it, that is no docking.
@@ -52,6 +54,7 @@ impl Robot {
             is_localised: true,
             moved_in: None,
             has_failed: false,
+            kept_by: None,
             ports_busy: BTreeSet::new(),
             torn_off: BTreeSet::new(),
         }

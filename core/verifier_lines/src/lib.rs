@@ -265,7 +265,11 @@ mod tests {
                 ..Timings::default()
             },
             counts: Counts::default(),
-            collision_risk: Some(CollisionRisk::NoPaths(EPOCH)),
+            collision_risk: Some(CollisionRisk {
+                epoch: EPOCH,
+                first: ModuleId(4),
+                second: ModuleId(5),
+            }),
             unjudged: BTreeMap::new(),
         };
         assert_eq!(
@@ -288,8 +292,7 @@ mod tests {
                     "segments": 0, "missed_states": 0, "unproven": 0,
                 },
                 "collision_free": false,
-                "collision_reason":
-                    "modules moved in straight lines in epoch 2.1, because there were no paths",
+                "collision_reason": "module 4 and module 5 overlapped in epoch 2.1",
             }})
         );
     }

@@ -150,7 +150,7 @@ pub enum Violation {
     /// Two different claims for one turn are both possible.
     #[error("two different claims were made for turn {turn} of {epoch}")]
     ClaimsDiffer { epoch: Epoch, turn: u32 },
-    #[error("{module} moves without the digest of a plan")]
+    #[error("{module} moves without the digest of a plan, or counts no steps of it")]
     MovedWithoutPlan { module: ModuleId },
     #[error("{first} acts on plan {first_digest}, {second} on plan {second_digest} in {epoch}")]
     PlansDiffer {

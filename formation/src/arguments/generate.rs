@@ -32,8 +32,8 @@ pub struct GenerateArguments {
         value_parser = field_width
     )]
     pub apart: u32,
-    /// Draw the starts as in the paper, in a box of 16 by 16 units: modules of different configurations can overlap, and then move
-    /// in straight lines, one unit after another
+    /// Draw the starts as in the paper, in a box of 16 by 16 units: modules of different configurations can overlap, and then none of
+    /// them moves. For plans alone
     #[arg(long, conflicts_with = "apart")]
     pub touching: bool,
     /// The seed of the random numbers.

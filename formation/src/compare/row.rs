@@ -179,7 +179,7 @@ fn planned(
     let hole = hole_of(&problem, &outcome.plan);
     let statistics = Statistics::of(&problem, &outcome);
     let makespan = with_motion
-        .then(|| PlannedMotion::of(&problem, outcome.plan.clone(), &[]).0)
+        .then(|| PlannedMotion::of(&problem, outcome.plan.clone()).0)
         .and_then(|motion| Some(motion.paths()?.makespan));
     let changes = &statistics.changes;
     Ok(Planned {

@@ -167,19 +167,13 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 /// The plan of a scenario that processes may carry out, with its warnings.
 ///
 /// # Errors
-/// It takes too long, does not keep its guarantees, or moves nothing, or the robots could run into each other.
+/// It takes too long, does not keep its guarantees, or moves nothing.
 fn planned(arguments: &RunArguments, scenario: &Scenario) -> Result<Arc<CheckedPlan>, Failure> {
     let path = arguments.scenario.as_path();
     check::refuse_long_plans(path, scenario)?;
     check::warn(path, scenario);
     let plan = Arc::new(CheckedPlan::of(scenario)?);
     plan.refuse_without_motion(path)?;
-    if arguments.motion.is_external() {
-        let refused = plan.motion.check_for_robots();
-        refused.map_err(|reason| {
-            Failure::bad_input(format!("{}: {reason}", scenario_file::named(path)))
-        })?;
-    }
     if arguments.motion.world.is_differential() {
         check::refuse_turning(path, scenario)?;
     }

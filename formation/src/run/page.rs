@@ -29,7 +29,7 @@ pub fn subject(
     let (problem, outcome) = (&plan.problem, &plan.outcome);
     let dead = report.map(RunReport::dead_modules).unwrap_or_default();
     Subject::of_course(&one_line(name), problem, outcome, course, judged.as_ref())
-        .with_paths(&plan.motion, outcome)
+        .with_paths(&plan.motion)
         .with_dead(&dead)
 }
 

@@ -7,10 +7,10 @@ use std::time::Duration;
 use formation_model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
-    ModuleRun, ModuleState, MotionMode, PaperBundle, PaperOptions, PlannerParameters,
-    PlanningModule, Policy, Polyline, Pose, RawSpot, RawTarget, Removal, Roster, RosterMember,
-    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Spread, Stop, TURNS_MAX,
-    Target, TargetAnnouncement, Timing, TurnOrder, Voters, Weights, Whereabouts,
+    ModuleRun, ModuleState, PaperBundle, PaperOptions, PlannerParameters, PlanningModule, Policy,
+    Polyline, Pose, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime,
+    Service, SpotClaim, SpotId, SpotSelection, Spread, Stop, TURNS_MAX, Target, TargetAnnouncement,
+    Timing, TurnOrder, Voters, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -127,15 +127,7 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
         any::<bool>(),
         weights(),
         (0..=100_000_000_i64, 0..=1_000_000_i64),
-        (
-            any::<bool>(),
-            select(vec![
-                MotionMode::Auto,
-                MotionMode::Paths,
-                MotionMode::Straight,
-            ]),
-            readings(),
-        ),
+        (any::<bool>(), readings()),
     )
         .prop_map(
             |(
@@ -145,7 +137,7 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
                 exact_finish,
                 weights,
                 (cut_price, spread),
-                (keep_all_spots, motion, paper),
+                (keep_all_spots, paper),
             )| {
                 PlannerParameters {
                     policy,
@@ -161,7 +153,6 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
                     cut_price: CutPrice::from_units(MicroUnits(cut_price).to_units()).unwrap(),
                     spread: Spread::from_units(MicroUnits(spread).to_units()).unwrap(),
                     keep_all_spots,
-                    motion,
                 }
             },
         )
@@ -258,6 +249,8 @@ fn bodies() -> impl Strategy<Value = Vec<BodyReport>> {
         pose().prop_map(Whereabouts::Seen),
         vec(pose(), 1..5)
             .prop_map(|poses| Whereabouts::OnTheWay(Polyline::try_from(poses).unwrap())),
+        vec(pose(), 1..5)
+            .prop_map(|poses| Whereabouts::InBlock(Polyline::try_from(poses).unwrap())),
         pose().prop_map(Whereabouts::Halted),
         Just(Whereabouts::Removed),
     ];

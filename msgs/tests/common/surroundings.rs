@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use formation_model::{
-    BodyShape, MotionMode, PlannerParameters, Policy, RawArea, RawGiven, RawGivenSpot,
-    RawSurroundings, Surroundings, Target, TargetAnnouncement,
+    BodyShape, PlannerParameters, Policy, RawArea, RawGiven, RawGivenSpot, RawSurroundings,
+    Surroundings, Target, TargetAnnouncement,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -41,7 +41,7 @@ pub fn surroundings() -> impl Strategy<Value = Surroundings> {
     })
 }
 
-/// The target in these surroundings, if its spots and the motion allow them.
+/// The target in these surroundings, if its spots allow them.
 /// With the policy `given`, a module for each spot.
 pub fn placed_within(
     target: Target,
@@ -52,9 +52,6 @@ pub fn placed_within(
         Policy::Given => given_to_all(target),
         _ => target,
     };
-    if parameters.motion == MotionMode::Straight {
-        return target;
-    }
     let open = target.clone();
     target.within(surroundings).unwrap_or(open)
 }

@@ -27,7 +27,7 @@ impl Formed {
 
     pub fn from_scenario(scenario: Scenario) -> Self {
         let mut outcome = plan(Arc::new(scenario.problem().clone()));
-        let (motion, plan) = PlannedMotion::of(scenario.problem(), outcome.plan, &[]);
+        let (motion, plan) = PlannedMotion::of(scenario.problem(), outcome.plan);
         outcome.plan = plan;
         Self {
             scenario,
@@ -50,7 +50,7 @@ impl Formed {
         let course = course_of_plan(self.problem(), &self.outcome, &self.motion, 1.0);
         let name = self.scenario.name();
         Subject::of_course(name, self.problem(), &self.outcome, &course, None)
-            .with_paths(&self.motion, &self.outcome)
+            .with_paths(&self.motion)
     }
 
     pub fn statistics(&self) -> Statistics {

@@ -7,22 +7,17 @@
 //! may have ended in passing it.
 
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use formation_model::{
-    ModuleId, ModulePhase, ModuleState, MotionMode, Pose, Roster, Service, SpotId, Target,
-    Whereabouts,
+    ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target, Whereabouts,
 };
 
-use super::contact::nearest;
+use super::covering::{Outline, is_covered, is_on};
+use super::ways::cut_off;
 use super::{Monitor, ViolationKind, member};
 use crate::cluster::Cluster;
-
-/// A body of any width stands on a spot if it is nearer to it than half the pitch of the lattice.
-const HALF_WIDTH_UNITS: f64 = 0.5;
-
-/// Poses are whole millionths of a unit.
-const ROUNDING_UNITS: f64 = 1e-6;
 
 impl Monitor {
     /// A module settles, or stands by without a spot: no other one stands on the same spot.
@@ -51,6 +46,7 @@ impl Monitor {
             }
         } else if state.phase == ModulePhase::Spare
             && state.service != Service::MotionFailed
+            && self.takes_part(state)
             && state.digest.is_some()
             && let Some(body) = cluster.body(module)
         {
@@ -96,9 +92,7 @@ impl Monitor {
         } else {
             received.max_by_key(|announcement| announcement.revision)
         };
-        let Some((announcement, target)) =
-            announcement.and_then(|announced| Some((announced, announced.target.as_ref()?)))
-        else {
+        let Some(target) = announcement.and_then(|announced| announced.target.as_ref()) else {
             return false;
         };
         let states = group
@@ -109,7 +103,14 @@ impl Monitor {
         let failed = states.filter(|state| state.service == Service::MotionFailed);
         let failed = failed.map(|state| Whereabouts::Halted(state.pose));
         let absent = absent.map(|body| body.whereabouts.clone());
-        blocks_all(target, announcement.parameters.motion, failed.chain(absent))
+        blocks_all(target, failed.chain(absent))
+    }
+
+    /// Whether the plan of a module lets it move: none that was out of service for want of a path takes part before the next.
+    fn takes_part(&self, state: &ModuleState) -> bool {
+        let roster = state.epoch.and_then(|epoch| self.rosters.get(&epoch));
+        let listed = roster.and_then(|known| member(&known.roster, state.module));
+        listed.is_none_or(|member| member.service != Service::MotionFailed)
     }
 
     /// The spot on which a module has just settled.
@@ -121,21 +122,22 @@ impl Monitor {
     }
 }
 
-/// Whether bodies there block every spot of a target for modules that move in this way.
-pub fn blocks_all(
-    target: &Target,
-    motion: MotionMode,
-    bodies: impl Iterator<Item = Whereabouts>,
-) -> bool {
+/// Whether bodies there block every spot of a target.
+pub fn blocks_all(target: &Target, bodies: impl Iterator<Item = Whereabouts>) -> bool {
     let lines: Vec<(Pose, Pose)> = bodies.flat_map(|body| lines_of(&body)).collect();
     let mut spots = target.spots().iter();
-    spots.all(|spot| is_covered(&spot.pose, &lines, motion, target))
+    spots.all(|spot| is_covered(&spot.pose, &lines, target, Outline::Box))
 }
 
 /// The greatest number of connected spots that the active members of a roster can fill: without those that the bodies cover
-/// which it lists, and those of members that cannot move. Pinned members stay, so with pins, spots connected to theirs count.
+/// which it lists, and those of members that cannot move, and by those alone that have a way. Pinned members stay, so with pins, spots
+/// connected to theirs count.
 #[must_use]
-pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
+pub fn room(roster: &Roster, target: &Target, active: usize) -> RangeInclusive<usize> {
+    room_by(roster, target, active, Outline::Box)..=room_by(roster, target, active, Outline::Exact)
+}
+
+fn room_by(roster: &Roster, target: &Target, active: usize, outline: Outline) -> usize {
     let failed = roster
         .members
         .iter()
@@ -153,8 +155,7 @@ pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
         .collect();
     let is_open = |position: usize| {
         let spot = target.spots()[position];
-        let motion = roster.target.parameters.motion;
-        held.contains(&spot.id) || !is_covered(&spot.pose, &lines, motion, target)
+        held.contains(&spot.id) || !is_covered(&spot.pose, &lines, target, outline)
     };
     let mut left: Vec<usize> = (0..target.spots().len())
         .filter(|&one| is_open(one))
@@ -172,7 +173,12 @@ pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
         }
         let is_held = |&position: &usize| held.contains(&target.spots()[position].id);
         if held.is_empty() || part.iter().any(is_held) {
-            most = most.max(part.len().min(active));
+            let part: Vec<Pose> = part
+                .iter()
+                .map(|&position| target.spots()[position].pose)
+                .collect();
+            let cut_off = cut_off(roster, target, &part, &lines, outline);
+            most = most.max(part.len().min(active.saturating_sub(cut_off)));
         }
     }
     most
@@ -185,52 +191,4 @@ fn lines_of(whereabouts: &Whereabouts) -> Vec<(Pose, Pose)> {
         [pose] => vec![(*pose, *pose)],
         _ => poses.windows(2).map(|pair| (pair[0], pair[1])).collect(),
     }
-}
-
-/// Whether bodies on these lines keep all others off a spot.
-fn is_covered(spot: &Pose, lines: &[(Pose, Pose)], motion: MotionMode, target: &Target) -> bool {
-    let width = target.surroundings().body_width().to_units();
-    let along_paths = motion == MotionMode::Paths;
-    lines.iter().any(|(from, to)| {
-        is_near_line(spot, from, to) || along_paths && reaches_into_cell(spot, (from, to), width)
-    })
-}
-
-/// Whether a square body of this width that goes from one pose to another comes into the cell of a spot, whose sides are one unit.
-fn reaches_into_cell(spot: &Pose, (from, to): (&Pose, &Pose), width: f64) -> bool {
-    let reach = |pose: &Pose| {
-        let heading = pose.theta.to_units();
-        (heading.cos().abs() + heading.sin().abs()) * width / 2.0
-    };
-    // The part of the line on which body and cell overlap along both axes.
-    let limit = HALF_WIDTH_UNITS + reach(from).max(reach(to)) - ROUNDING_UNITS;
-    let ((x, y), (from_x, from_y), (to_x, to_y)) = (units(spot), units(from), units(to));
-    let (mut first, mut last) = (0.0_f64, 1.0_f64);
-    for (begin, end) in [(from_x - x, to_x - x), (from_y - y, to_y - y)] {
-        let way = end - begin;
-        if way.abs() <= ROUNDING_UNITS {
-            if begin.abs() >= limit {
-                return false;
-            }
-            continue;
-        }
-        let (one, other) = ((-limit - begin) / way, (limit - begin) / way);
-        first = first.max(one.min(other));
-        last = last.min(one.max(other));
-    }
-    first <= last
-}
-
-fn units(pose: &Pose) -> (f64, f64) {
-    (pose.x.to_units(), pose.y.to_units())
-}
-
-fn is_on(body: &Pose, spot: &Pose) -> bool {
-    is_near_line(spot, body, body)
-}
-
-/// Whether a point is nearer than half a module to the line between two others.
-fn is_near_line(point: &Pose, from: &Pose, to: &Pose) -> bool {
-    let ((x, y), (from_x, from_y), (to_x, to_y)) = (units(point), units(from), units(to));
-    nearest((from_x - x, from_y - y), (to_x - x, to_y - y)) < HALF_WIDTH_UNITS
 }

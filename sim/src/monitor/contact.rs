@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use formation_model::{Area, MicroUnits, ModuleId, Pose, Surroundings};
 
-use super::{Monitor, PlanKey, ViolationKind};
+use super::{Monitor, ViolationKind};
 use crate::cluster::Cluster;
 
 /// A body is turned if its heading is further than this from a quarter turn, in radians.
@@ -47,8 +47,6 @@ struct Track {
 #[derive(Default)]
 pub(super) struct ContactWatch {
     tracks: BTreeMap<ModuleId, Track>,
-    /// The plans by which modules move along paths.
-    pub by_paths: BTreeSet<PlanKey>,
     /// The pairs that were found to overlap, which are reported once; a module and itself for an obstacle.
     found: BTreeSet<(ModuleId, ModuleId)>,
     /// The pairs that a hand made meet, until they part.
@@ -115,9 +113,6 @@ impl Monitor {
         let Some(known) = self.rosters.get(&plan.0) else {
             return;
         };
-        if !self.bodies.by_paths.contains(&plan) {
-            return;
-        }
         let target = known.roster.target.target.as_ref();
         let plain = Surroundings::default();
         let body = Body::of(target.map_or(&plain, |target| target.surroundings()));

@@ -5,10 +5,12 @@
 
 mod bodies;
 mod contact;
+mod covering;
 mod ending;
 mod hands;
 mod motion;
 mod violation;
+mod ways;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -209,10 +211,6 @@ impl Monitor {
                 self.knowing_stores.insert(state.module);
             }
         }
-        if state.steps_done.is_some() {
-            let plan = state.epoch.zip(state.digest);
-            self.bodies.by_paths.extend(plan);
-        }
         let announcement = cluster.received_announcement(state.module);
         latest.target_revision = announcement.map(|announcement| announcement.revision);
         let was_settled = self.settled_on.contains_key(&run);
@@ -229,7 +227,6 @@ impl Monitor {
             self.check_spots(at, plan, state.module, spot);
             self.check_stands_on(at, state, plan.0, spot, cluster);
         }
-        self.check_unit_in_motion(at, state, cluster);
     }
 
     fn observe_claim(&mut self, at: Duration, claim: &SpotClaim) {

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
+use formation_model::ModuleId;
 use formation_model::text::listed_in_full;
-use formation_model::{ModuleId, ModulePhase, ModuleState};
 
 use super::{Monitor, PlanKey, ViolationKind};
 use crate::cluster::Cluster;
@@ -12,36 +12,6 @@ use crate::cluster::Cluster;
 const ROUNDING: Duration = Duration::from_millis(5);
 
 impl Monitor {
-    /// While a module moves in a straight line, all other modules that move belong to its unit.
-    pub(super) fn check_unit_in_motion(
-        &mut self,
-        at: Duration,
-        state: &ModuleState,
-        cluster: &Cluster,
-    ) {
-        let Some(plan) = state.epoch.zip(state.digest) else {
-            return;
-        };
-        let moves_straight = state.phase == ModulePhase::Moving && state.steps_done.is_none();
-        if !moves_straight || cluster.plan_in_motion(state.module) != Some(plan) {
-            return;
-        }
-        for other in cluster.running() {
-            if other == state.module || cluster.plan_in_motion(other) != Some(plan) {
-                continue;
-            }
-            let is_of_another_unit = self.state(cluster, other).is_some_and(|last| {
-                last.epoch == state.epoch
-                    && last.phase == ModulePhase::Moving
-                    && last.unit != state.unit
-            });
-            if is_of_another_unit {
-                let detail = format!("{} while {other} moves in {}", state.module, plan.0);
-                self.violate(at, ViolationKind::TwoUnitsInMotion, detail);
-            }
-        }
-    }
-
     /// A voter of the roster that showed another plan before this one, and so lately that somebody may still move by that.
     fn showed_another(&self, plan: PlanKey, at: Duration) -> Option<ModuleId> {
         let roster = &self.rosters.get(&plan.0)?.roster;

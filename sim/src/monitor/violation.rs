@@ -46,9 +46,6 @@ pub enum ViolationKind {
     /// A module returned to an epoch that it had left.
     #[error("epoch went back")]
     EpochWentBack,
-    /// Two modules of different units moved at the same time, on one plan.
-    #[error("two units in motion")]
-    TwoUnitsInMotion,
     /// While modules moved along paths, the bodies of two that were not docked to each other overlapped.
     #[error("bodies overlap")]
     BodiesOverlap,
@@ -91,7 +88,6 @@ impl ViolationKind {
                 | Self::QuorumDenied
                 | Self::TwoModulesOnOneSpot
                 | Self::TwoRostersForOneEpoch
-                | Self::TwoUnitsInMotion
         )
     }
 }

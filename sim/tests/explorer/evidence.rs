@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    Digest, Epoch, Message, ModuleId, ModulePhase, MotionMode, Roster, RosterMessage, SpotId,
+    Digest, Epoch, Message, ModuleId, ModulePhase, Roster, RosterMember, RosterMessage, SpotId,
     Target,
 };
 use formation_sim::{blocks_all, room};
@@ -60,7 +60,8 @@ impl Evidence {
 /// The number of spots that the members of a roster can fill.
 fn room_of(roster: &Roster) -> usize {
     let target = roster.target.target.as_ref();
-    target.map_or(0, |target| room(roster, target, roster.members.len()))
+    let active = RosterMember::active(&roster.members).count();
+    target.map_or(0, |target| *room(roster, target, active).end())
 }
 
 impl World {
@@ -230,7 +231,7 @@ impl World {
         let bodies = states.flat_map(|state| &state.bodies);
         let absent = bodies.filter(|body| !present.contains(&body.module));
         let absent = absent.map(|body| body.whereabouts.clone());
-        blocks_all(target, MotionMode::Auto, absent)
+        blocks_all(target, absent)
     }
 
     pub(super) fn has_ended(&self, bound: Bound) -> bool {

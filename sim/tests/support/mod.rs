@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_generate::{GeneratorParameters, Grouping, generate};
+use formation_generate::{GeneratorParameters, Grouping, generate_apart};
 use formation_model::{
     ClosedRoster, Incarnation, Message, ModuleId, ModulePhase, PlanningModule, PlanningProblem,
     RosterMessage, Scenario, SpotId,
@@ -17,7 +17,25 @@ use formation_sim::{
 
 pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(grouping);
-    let raw = generate(&parameters).unwrap();
+    let raw = generate_apart(&parameters).unwrap();
+    Scenario::try_from(raw).unwrap().problem().clone()
+}
+
+/// The same, with starts far beside the target: a module that starts late stands on no spot.
+pub fn drawn_beside(
+    modules: usize,
+    spots: usize,
+    grouping: Grouping,
+    seed: u64,
+) -> PlanningProblem {
+    const BESIDE: f64 = 30.0;
+    let parameters = GeneratorParameters::new(modules, spots, seed).grouped(grouping);
+    let mut raw = generate_apart(&parameters).unwrap();
+    let docked = raw.configurations.iter_mut();
+    let docked = docked.flat_map(|configuration| &mut configuration.modules);
+    for module in docked.chain(&mut raw.singletons) {
+        module.x += BESIDE;
+    }
     Scenario::try_from(raw).unwrap().problem().clone()
 }
 

@@ -35,9 +35,6 @@ pub enum Mutation {
     /// Counts a restarted module as if it had forgotten nothing.
     /// Lacks Q2.
     CountForgetful,
-    /// Moves without waiting for earlier units.
-    /// Lacks X1.
-    MoveOutOfOrder,
     /// Begins a step without waiting for other units.
     /// Lacks X8.
     SkipWaits,
@@ -50,9 +47,6 @@ pub enum Mutation {
     /// Counts every module that it ever received a heartbeat from as live.
     /// Lacks M1.
     CountDeadAsAlive,
-    /// Takes heartbeats that lay in a buffer for fresh ones.
-    /// Lacks M1.
-    TrustBufferedHeartbeats,
     /// Holds another plan than it should, as a module of another build might.
     DifferentPlan,
     /// Never includes a late module to fill an open spot.
@@ -60,8 +54,6 @@ pub enum Mutation {
     /// Plans as if absent modules had no bodies.
     /// Lacks B3.
     IgnoreBodies,
-    /// Follows rosters that do not say where a body is on which no spot lies.
-    IgnoreDisplacedBodies,
     /// Forgets its pin when it decides to set off, before its drive has a goal.
     ForgetPinBeforeGoal,
     /// Restarts without the bodies that its store holds.

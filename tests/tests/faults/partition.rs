@@ -27,10 +27,8 @@ configurations:
     modules: [{id: 1, x: 1, y: 1}, {id: 2, x: 2, y: 1}, {id: 3, x: 3, y: 1}]
     edges: [[1, 2], [2, 3]]
 singletons:
-  - {id: 4, x: 12, y: 2}
-  - {id: 5, x: 2, y: 9, theta: 1.0}
-# On paths, the two that are cut off on their way may stand on every spot, so the majority would wait for them.
-planner: {motion: straight}
+  - {id: 4, x: 12, y: 12}
+  - {id: 5, x: 5, y: 12, theta: 1.0}
 ";
 
 const MINORITY: [u32; 2] = [4, 5];

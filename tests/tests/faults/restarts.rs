@@ -139,9 +139,7 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     const SPEED: f64 = 0.25;
     let domain = &*Domain::for_processes(12);
     let sleeper = lone_traveller();
-    // On a path, the module that is stopped on its way may stand on every spot, so the others would wait for it.
-    let straight = format!("{SPARES}planner: {{motion: straight}}\n");
-    let mut fleet = Fleet::new("stopped", &straight, domain, FleetTiming::Quick);
+    let mut fleet = Fleet::new("stopped", SPARES, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let states = Peer::start("take", "module_states", domain);

@@ -89,8 +89,10 @@ pub(super) struct Group {
     pub steps: Vec<Alignment>,
     /// Where its modules are, if they have to come into line with each other in their first step.
     measured: Vec<Point>,
-    /// If they regroup: what the body of each module sweeps.
+    /// If they regroup, or shift before they turn: what the body of each module sweeps.
     pub ways: Vec<Shape>,
+    /// If they shift as one body before they turn: where each is then.
+    entered: Vec<Point>,
     /// What a module that stays covers off the lattice.
     pub at_rest: Option<Shape>,
 }
@@ -189,6 +191,7 @@ impl Group {
             modules,
             steps: Vec::new(),
             ways: Vec::new(),
+            entered: Vec::new(),
             at_rest: None,
         })
     }
@@ -206,6 +209,7 @@ impl Group {
             steps: Vec::new(),
             measured: Vec::new(),
             ways: Vec::new(),
+            entered: Vec::new(),
             at_rest: None,
         }
     }
@@ -236,6 +240,24 @@ impl Group {
         }
     }
 
+    /// The same group, which shifts as it is until its centre is in the middle of a cell, sweeping these ways, and turns there.
+    pub fn entering(&self, site: Site, centre: Point, ends: Vec<Point>, ways: Vec<Shape>) -> Self {
+        Self {
+            site,
+            centre,
+            shift: (0, 0),
+            measured: Vec::new(),
+            entered: ends,
+            ways,
+            ..self.clone()
+        }
+    }
+
+    /// Whether its modules shift as one body in their first step.
+    pub fn enters(&self) -> bool {
+        !self.entered.is_empty()
+    }
+
     /// Whether its modules have to come into line with each other in their first step.
     pub fn is_askew(&self) -> bool {
         !self.measured.is_empty()
@@ -257,6 +279,11 @@ impl Group {
 
     /// Where a member is after a phase.
     pub fn position_after(&self, member: usize, phase: Phase) -> Point {
+        if phase == Phase::Regroup
+            && let Some(&end) = self.entered.get(member)
+        {
+            return end;
+        }
         let offset = self.offsets[member];
         let mut middle = (
             self.centre.0 + offset.0 * MICRO_PER_UNIT,

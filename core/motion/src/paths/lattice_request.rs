@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time};
-use super::rectangle::{Rectangle, bounds, overlap};
+use super::rectangle::{bounds, overlap};
 use super::resting::{AtRest, Form, RestingBodies, cells_under, rigid_cells};
 use super::result::{MotionError, MotionRequest, StartFault};
 use super::schedule::NO_UNIT;
@@ -109,7 +109,7 @@ impl<'a> LatticeRequest<'a> {
         };
         let stands = resting.standing(problem, &spot_of);
         let tolerance = request.parameters.tolerance;
-        let is_open = |rectangle: &Rectangle| request.is_open(rectangle);
+        let is_open = |shape: &Shape| request.is_open(shape);
         let rest = AtRest {
             bodies: &resting,
             stands: &stands,
@@ -162,17 +162,19 @@ impl<'a> LatticeRequest<'a> {
             .is_none_or(|cell| self.arena.closed[cell])
     }
 
-    /// No module may start on a closed cell or reach into an obstacle on its way onto the lattice, and no spot that is
+    /// No module that may move starts on a closed cell or reaches into an obstacle on its way onto the lattice, and no spot that is
     /// taken may be closed.
     fn check_cover(&self) -> Result<(), MotionError> {
         let problem = self.request.problem;
         let mut covered = BTreeSet::new();
         for group in &self.groups {
             let swept = Phase::ALL.into_iter().flat_map(|phase| group.swept(phase));
-            let is_open = |shape: Shape| self.request.is_open(&shape.bounds());
-            let reaches = !swept.into_iter().all(is_open);
+            let is_open = |shape: Shape| self.request.is_open(&shape);
+            // A group that shifts to where it has room has looked for its way.
+            let reaches = !group.enters() && !swept.into_iter().all(is_open);
             for &module in &group.modules {
-                let stays = group.at_rest.is_some();
+                let is_pinned = problem.modules()[module].pin.is_some();
+                let stays = group.at_rest.is_some() || is_pinned;
                 if !stays && (reaches || self.is_closed(self.starts[module])) {
                     covered.insert(problem.modules()[module].id);
                 }
@@ -182,7 +184,9 @@ impl<'a> LatticeRequest<'a> {
             let faults = covered.into_iter().map(StartFault::Covered).collect();
             return Err(MotionError::Starts(faults));
         }
-        let mut taken = self.spot_of.iter().flatten();
+        let moving = self.spot_of.iter().zip(problem.modules());
+        let moving = moving.filter(|(_, module)| module.pin.is_none());
+        let mut taken = moving.filter_map(|(spot, _)| spot.as_ref());
         let is_covered = |spot: usize| match self.resting.is_off[spot] {
             true => !self.is_clear_of_obstacles(&self.resting.at(problem.target(), spot)),
             false => self.is_closed(self.spots[spot]),

@@ -241,8 +241,8 @@ fn steps(schedule: &Schedule, unit: usize, group: &Group, lattice: &Lattice) -> 
                     centre: pose(group.centre, group.turn),
                     radius: MicroUnits(group.radius),
                 },
-                Phase::Regroup => StepKind::Regroup,
-                Phase::Column | Phase::Row => StepKind::Shift,
+                Phase::Regroup if !group.enters() => StepKind::Regroup,
+                Phase::Regroup | Phase::Column | Phase::Row => StepKind::Shift,
             },
             begin: step.begin,
         })

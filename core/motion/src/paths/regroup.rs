@@ -5,15 +5,21 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::group::Group;
 use super::lattice::{Lattice, Site, point};
-use super::rectangle::{HALF, Rectangle};
+use super::rectangle::HALF;
 use super::resting::Form;
 use super::result::StartFault;
 use super::shape::Shape;
-use formation_model::turning::off_quarter;
-use formation_model::{PlanningProblem, Pose};
+use formation_model::PlanningProblem;
+use formation_model::turning::{Point, off_quarter};
 
 /// A module takes a cell at most this many columns and rows from the one under it.
 const FAR: i64 = 2;
+
+/// A group shifts at most this many columns and rows to where it has room to turn.
+const FAR_OF_GROUPS: i64 = 5;
+
+/// How far a group shifts before it is clear of what it was docked to: a tenth of a unit.
+const LEAVING: i64 = 100_000;
 
 /// Where modules may regroup: what others cover, and the cells that they take.
 pub(super) struct RegroupingGround<'a, Open> {
@@ -27,8 +33,8 @@ pub(super) struct RegroupingGround<'a, Open> {
     taken: BTreeSet<Site>,
 }
 
-impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
-    /// Without any modules. `is_open` says whether a rectangle is free of obstacles and within the walls.
+impl<'a, Open: Fn(&Shape) -> bool> RegroupingGround<'a, Open> {
+    /// Without any modules. `is_open` says whether a shape is free of obstacles and within the walls.
     pub fn new(
         problem: &'a PlanningProblem,
         (lattice, form): (&'a Lattice, Form),
@@ -57,6 +63,12 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
     pub fn stand(&mut self, modules: &[usize]) {
         let bodies = modules.iter().map(|&module| self.body(module).0);
         self.cover(modules, bodies.collect());
+    }
+
+    /// The same, with the whole cells of the modules, as they are turned.
+    pub fn stand_in_cells(&mut self, modules: &[usize]) {
+        let cells = modules.iter().map(|&module| self.outline(module, HALF));
+        self.cover(modules, cells.collect());
     }
 
     fn cover(&mut self, modules: &[usize], shapes: Vec<Shape>) {
@@ -93,7 +105,28 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
     /// Whether some modules cover nothing of others, of obstacles or of what is beyond the walls, with a shape.
     fn is_clear(&self, modules: &[usize], shape: &Shape) -> bool {
         let mut others = self.covered.iter().filter(|(its, _)| its != modules);
-        (self.is_open)(&shape.bounds()) && others.all(|(_, body)| !shape.overlaps(body, self.slack))
+        (self.is_open)(shape) && others.all(|(_, body)| !shape.overlaps(body, self.slack))
+    }
+
+    /// Whether a module can shift so far from where it stands, with its whole cell past other modules.
+    fn may_shift(&self, modules: &[usize], module: usize, by: Point) -> bool {
+        let half = self.problem.target().surroundings().body_width().0 / 2;
+        let way = self.outline(module, HALF).moved(((0, 0), by));
+        let mut others = self.covered.iter().filter(|(its, _)| its != modules);
+        let is_clear = others.all(|(_, other)| !way.overlaps(other, self.slack));
+        // Obstacles are drawn a little larger than the bodies that they stand for, and one that was docked may have been halted at
+        // another moment: it is left behind within the first tenth of a unit.
+        let length = i64::max(by.0.abs(), by.1.abs()).max(1);
+        let leaving = |along: i64| along * LEAVING.min(length) / length;
+        let left = (leaving(by.0), leaving(by.1));
+        let rest = self.outline(module, HALF.midpoint(half)).shifted(left);
+        is_clear && (self.is_open)(&rest.moved((left, by)))
+    }
+
+    /// What a module would cover where it stands if its body were so wide.
+    fn outline(&self, module: usize, half: i64) -> Shape {
+        let pose = &self.problem.modules()[module].pose;
+        self.form.shape(point(pose), pose.theta.0, half)
     }
 
     /// A group of docked modules that each go to a cell of their own, near them and free of other bodies. Within the group,
@@ -111,7 +144,7 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
         let all = self.problem.modules();
         let choices = |is_wanted: &dyn Fn(usize, Site) -> bool| -> Vec<Vec<Site>> {
             let near = |&module: &usize| {
-                let sites = near(&all[module].pose, self.lattice).filter(is_free);
+                let sites = near(point(&all[module].pose), FAR, self.lattice).filter(is_free);
                 sites.filter(|&site| is_wanted(module, site)).collect()
             };
             modules.iter().map(near).collect()
@@ -132,7 +165,7 @@ impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
 }
 
 /// A module that is turned against the lattice shifts to a cell as it is, and turns there.
-impl<Open: Fn(&Rectangle) -> bool> RegroupingGround<'_, Open> {
+impl<Open: Fn(&Shape) -> bool> RegroupingGround<'_, Open> {
     fn entry(&self, module: usize) -> Option<Group> {
         let pose = &self.problem.modules()[module].pose;
         let turn = -off_quarter(pose.theta.0);
@@ -141,7 +174,7 @@ impl<Open: Fn(&Rectangle) -> bool> RegroupingGround<'_, Open> {
         }
         let (from, body) = (point(pose), self.body(module).0);
         let modules = [module];
-        let mut sites = near(pose, self.lattice);
+        let mut sites = near(from, FAR, self.lattice);
         sites.find_map(|site| {
             let to = self.lattice.point(site);
             let way = body.clone().moved((from, to));
@@ -156,13 +189,46 @@ impl<Open: Fn(&Rectangle) -> bool> RegroupingGround<'_, Open> {
             })
         })
     }
+
+    /// A group that has no room to turn where it stands shifts as one body to where it has, and turns there. `None` if it has room
+    /// nowhere near.
+    pub fn enter(&self, group: &Group) -> Option<Group> {
+        let all = self.problem.modules();
+        let modules = &group.modules;
+        let poses = modules.iter().map(|&module| point(&all[module].pose));
+        let poses: Vec<Point> = poses.collect();
+        let mut sites = near(group.centre, FAR_OF_GROUPS, self.lattice);
+        sites.find_map(|site| {
+            let to = self.lattice.point(site);
+            let by = (to.0 - group.centre.0, to.1 - group.centre.1);
+            let circle = Shape::circle(to, group.radius);
+            let is_taken =
+                |&(right, up): &Site| self.taken.contains(&(site.0 + right, site.1 + up));
+            if group.offsets.iter().any(is_taken) || !self.is_clear(modules, &circle) {
+                return None;
+            }
+            if !modules
+                .iter()
+                .all(|&module| self.may_shift(modules, module, by))
+            {
+                return None;
+            }
+            let ways = modules.iter().zip(&poses).map(|(&module, &from)| {
+                let end = (from.0 + by.0, from.1 + by.1);
+                self.outline(module, HALF).moved((from, end))
+            });
+            let mut ways: Vec<Shape> = ways.collect();
+            ways.push(circle);
+            let ends = poses.iter().map(|from| (from.0 + by.0, from.1 + by.1));
+            Some(group.entering(site, to, ends.collect(), ways))
+        })
+    }
 }
 
-/// The cells around a pose, the nearest first.
-fn near(pose: &Pose, lattice: &Lattice) -> impl Iterator<Item = Site> + use<> {
-    let (x, y) = point(pose);
+/// The cells around a point, at most so many columns and rows away, the nearest first.
+fn near((x, y): Point, far: i64, lattice: &Lattice) -> impl Iterator<Item = Site> + use<> {
     let under = lattice.site((x, y));
-    let around = (-FAR..=FAR).flat_map(|up| (-FAR..=FAR).map(move |right| (right, up)));
+    let around = (-far..=far).flat_map(move |up| (-far..=far).map(move |right| (right, up)));
     let mut sites: Vec<(i128, Site)> = around
         .map(|(right, up)| {
             let site = (under.0 + right, under.1 + up);

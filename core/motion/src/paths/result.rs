@@ -5,7 +5,8 @@ use std::fmt::Display;
 
 use thiserror::Error;
 
-use super::rectangle::{Rectangle, overlap};
+use super::rectangle::overlap;
+use super::shape::Shape;
 use formation_model::text::{counted, enumerated};
 use formation_model::{
     Area, MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, SpotId,
@@ -51,10 +52,14 @@ pub struct MotionRequest<'a> {
 }
 
 impl MotionRequest<'_> {
-    /// Whether the inside of a rectangle is free of obstacles and within the walls.
-    pub(super) fn is_open(&self, rectangle: &Rectangle) -> bool {
-        let (low, high) = rectangle;
-        let covers = |area: &Area| overlap(rectangle, &area.corners(), 0);
+    /// Whether the inside of a shape is free of obstacles and within the walls.
+    pub(super) fn is_open(&self, shape: &Shape) -> bool {
+        let bounds = shape.bounds();
+        let (low, high) = bounds;
+        let covers = |area: &Area| {
+            let corners = area.corners();
+            overlap(&bounds, &corners, 0) && shape.overlaps(&Shape::rectangle(corners), 0)
+        };
         let is_within = |walls: &Area| {
             let (from, to) = walls.corners();
             low.0 >= from.0 && low.1 >= from.1 && high.0 <= to.0 && high.1 <= to.1

@@ -63,6 +63,14 @@ impl Shape {
         self
     }
 
+    /// The same shape elsewhere.
+    pub fn shifted(mut self, by: Point) -> Self {
+        for point in &mut self.points {
+            *point = (point.0 + by.0, point.1 + by.1);
+        }
+        self
+    }
+
     /// The least rectangle that holds the shape.
     pub fn bounds(&self) -> Rectangle {
         let (mut low, mut high) = bounds(&self.points);

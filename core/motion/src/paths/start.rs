@@ -24,7 +24,7 @@ use formation_model::{MicroUnits, PlanningProblem, Pose};
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
 /// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan, `is_open` whether a
-/// rectangle is free of obstacles and within the walls.
+/// shape is free of obstacles and within the walls.
 /// Enforces X10.
 pub(super) fn align(
     problem: &PlanningProblem,
@@ -32,7 +32,7 @@ pub(super) fn align(
     resting: &AtRest,
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
-    is_open: impl Fn(&Rectangle) -> bool,
+    is_open: impl Fn(&Shape) -> bool,
 ) -> Result<Vec<Group>, Vec<StartFault>> {
     let slack = slack(problem, tolerance.0);
     let exactness = Exactness {
@@ -83,7 +83,7 @@ fn groups_of(
     (lattice, resting): (&Lattice, &AtRest),
     exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
-    is_open: impl Fn(&Rectangle) -> bool,
+    is_open: impl Fn(&Shape) -> bool,
 ) -> (Vec<Group>, Vec<StartFault>) {
     let mut groups = Vec::new();
     let mut faults = Vec::new();
@@ -133,6 +133,10 @@ fn groups_of(
         .partition(|&(_, is_cramped)| is_cramped);
     let cramped = cramped.into_iter().map(|(group, _)| group);
     loose.extend(cramped.map(|group| (group.modules.clone(), Some(group))));
+    let groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
+    let narrow = without_room(problem, &groups, exactness.slack, &is_open);
+    let (narrow, rest): (Vec<_>, Vec<_>) =
+        (groups.into_iter().zip(narrow)).partition(|&(_, is_narrow)| is_narrow);
     let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
     let mut ground = RegroupingGround::new(
         problem,
@@ -145,6 +149,15 @@ fn groups_of(
     }
     for (modules, _) in &loose {
         ground.stand(modules);
+    }
+    for (group, _) in &narrow {
+        ground.stand_in_cells(&group.modules);
+    }
+    for (group, _) in narrow {
+        // Where it has room nowhere, what is too close to it is to be named.
+        let group = ground.enter(&group).unwrap_or(group);
+        ground.take(&group);
+        groups.push(group);
     }
     for (modules, group) in loose {
         // A module that is docked to nothing is off no lattice: the body that is too close to it is to be named.
@@ -198,6 +211,27 @@ fn cramped(problem: &PlanningProblem, groups: &[Group], is_round: bool, slack: i
     cramped
 }
 
+/// Which groups have no room to turn where they stand: an obstacle or another group reaches into their circle.
+fn without_room(
+    problem: &PlanningProblem,
+    groups: &[Group],
+    slack: i64,
+    is_open: &impl Fn(&Shape) -> bool,
+) -> Vec<bool> {
+    let turns = |group: &Group| group.turn != 0 && group.at_rest.is_none() && group.ways.is_empty();
+    let is_closed = |group: &Group| turns(group) && !group.bodies().iter().all(is_open);
+    let mut narrow: Vec<bool> = groups.iter().map(is_closed).collect();
+    for (low, high) in near_pairs(groups) {
+        let fault = not_apart(problem, &groups[low], &groups[high], slack);
+        if matches!(fault, Some(StartFault::NotApart(..))) {
+            for group in [low, high] {
+                narrow[group] |= turns(&groups[group]);
+            }
+        }
+    }
+    narrow
+}
+
 /// The pairs of groups whose surroundings overlap, lower first.
 fn near_pairs(groups: &[Group]) -> Vec<(usize, usize)> {
     let surroundings: Vec<Rectangle> = groups.iter().map(Group::surroundings).collect();
@@ -240,17 +274,23 @@ fn not_apart(
         return (!is_clear).then_some(fault);
     }
     let (bodies, neighbours) = (one.bodies(), other.bodies());
+    // The circle in which a group turns comes after its members.
+    let member_of = |group: &Group, body: usize| body.min(group.modules.len() - 1);
     let mut all = (0..bodies.len())
         .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));
-    all.find_map(|(member, its_member)| {
-        let (first, second) = (id(one, member), id(other, its_member));
-        if bodies[member].overlaps(&neighbours[its_member], slack) {
-            let (first, second) = (first.min(second), first.max(second));
-            return Some(StartFault::NotApart(first, second));
-        }
-        (one.site_of(member) == other.site_of(its_member))
-            .then_some(StartFault::SharedCell(first, second))
-    })
+    let close = all.find(|&(body, next)| bodies[body].overlaps(&neighbours[next], slack));
+    if let Some((body, next)) = close {
+        let (first, second) = (
+            id(one, member_of(one, body)),
+            id(other, member_of(other, next)),
+        );
+        let (first, second) = (first.min(second), first.max(second));
+        return Some(StartFault::NotApart(first, second));
+    }
+    let mut cells = (0..one.offsets.len())
+        .flat_map(|member| (0..other.offsets.len()).map(move |its_member| (member, its_member)));
+    let shared = cells.find(|&(member, next)| one.site_of(member) == other.site_of(next));
+    shared.map(|(member, next)| StartFault::SharedCell(id(one, member), id(other, next)))
 }
 
 /// Sets begins and waits: a step waits for the earlier phases of groups in its way and, within a phase, for the group

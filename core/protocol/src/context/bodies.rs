@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use formation_model::{
     BlockedSpot, BodyReport, Epoch, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun,
-    ModuleState, MotionMode, Removal, Roster, RosterMember, Service, SpotId, Target, Whereabouts,
+    ModuleState, Removal, Roster, RosterMember, Service, SpotId, Target, Whereabouts,
     blocked_spots, body,
 };
 
@@ -297,6 +297,43 @@ impl Context {
             .collect()
     }
 
+    /// The module finds no path: it takes no spot until one of the absent bodies is gone that are known now.
+    /// Enforces X13.
+    pub fn cannot_move_past_bodies(&mut self, reason: Event) {
+        let was_retired = self.robot.service == Service::Retired;
+        self.cannot_move(reason);
+        // One that was retired stays out of service.
+        let mut absent = self.absent_bodies();
+        absent.retain(|body| {
+            let is_live = self.peers.is_live(self.liveness(), body.module);
+            let stands =
+                body.whereabouts != Whereabouts::Removed && !self.is_removable(body.module);
+            !is_live && stands && !self.bodies.of_other_sessions.contains(&body.module)
+        });
+        self.robot.kept_by = (!was_retired).then_some(absent);
+    }
+
+    /// Takes spots again if one of the bodies is gone, or stands elsewhere, past which this module found no path.
+    /// Enforces X13.
+    pub fn move_again(&mut self) {
+        let Some(kept_by) = &self.robot.kept_by else {
+            return;
+        };
+        let known = |body: &BodyReport| {
+            let is_live = self.peers.is_live(self.liveness(), body.module);
+            let known = self.bodies.get(body.module);
+            let stands = known.is_some_and(|known| known.whereabouts == body.whereabouts);
+            !is_live && stands && !self.is_removable(body.module)
+        };
+        if self.robot.service != Service::MotionFailed || kept_by.iter().all(known) {
+            return;
+        }
+        self.robot.kept_by = None;
+        self.robot.service = Service::Active;
+        self.mark_state_changed();
+        self.emit(Event::MayMoveAgain);
+    }
+
     /// Adds what frozen members report of modules that are not frozen themselves; this one has been frozen since `frozen_at`.
     pub fn learn_bodies(&mut self, frozen: &[Arc<ModuleState>], frozen_at: Duration) {
         self.note_bodies();
@@ -376,10 +413,6 @@ impl Context {
     /// Those of the known bodies that may stand where a roster does not say, and so in the way of its paths. Modules of another
     /// session may move at any time, whatever a roster says.
     fn displaced(&self, roster: &Roster, known: &[BodyReport]) -> Vec<BodyReport> {
-        let is_straight = roster.target.parameters.motion == MotionMode::Straight;
-        if is_straight {
-            return Vec::new();
-        }
         let others = &self.bodies.of_other_sessions;
         let known = known.iter().filter(|body| !others.contains(&body.module));
         let displaced = known.filter(|body| !body::account_for(&roster.bodies, body));

@@ -1,5 +1,5 @@
-//! Acting: units move, and only while every member shows agreement. Along paths (`on_paths`) they move at the same time
-//! and wait for each other's steps; in straight lines one after another.
+//! Acting: units move along paths (`on_paths`) at the same time, wait for each other's steps, and move only while every member shows
+//! agreement.
 
 mod first_motion;
 mod off_path;
@@ -12,6 +12,7 @@ use formation_model::{
     DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId,
 };
 use formation_motion::MotionGoal;
+use formation_motion::paths::MotionError;
 
 use super::super::context::Context;
 use super::super::event::Event;
@@ -65,11 +66,7 @@ pub(crate) struct Acting {
     pub(super) stopped_after: Option<u32>,
     asked_to_dock: BTreeSet<ModuleId>,
     pub(super) proofs: Proofs,
-    /// The modules that were last reported as waited for.
-    reported: Vec<ModuleId>,
-    /// In straight lines: the step of the plan that is due now, if any is left, and since when.
-    step_since: (Option<usize>, Duration),
-    /// Along paths: the progress of all members.
+    /// The progress of all members.
     pub(super) progress: Advance,
     /// Where this module is measured while that is off its way.
     off_path: Option<OffPath>,
@@ -84,8 +81,8 @@ pub(super) enum Continuation {
 }
 
 impl Acting {
-    /// All members show the same digest. The plan was complete here at `planned_at`.
-    pub fn begin(held: HeldPlan, planned_at: Duration, context: &mut Context) -> Self {
+    /// All members show the same digest.
+    pub fn begin(held: HeldPlan, context: &mut Context) -> Self {
         let (now, epoch) = (context.now, held.epoch());
         let idle_at = held.idle_at(context);
         let stuck = context.parameters.stuck;
@@ -114,13 +111,12 @@ impl Acting {
                 context.emit(Event::NoVoters);
             }
         }
-        let moves = has_place || held.aside().is_some();
         let mut acting = Self {
             held,
             agreed_at: now,
             idle_at,
             look_at: Some(now + context.parameters.heartbeat),
-            task: if moves || has_steps {
+            task: if has_place || has_steps {
                 Task::Waiting
             } else {
                 Task::Spare
@@ -129,15 +125,13 @@ impl Acting {
             stopped_after: None,
             asked_to_dock: BTreeSet::new(),
             proofs: Proofs::default(),
-            reported: Vec::new(),
-            step_since: (Some(0), planned_at),
             progress: Advance::from(now),
             off_path: None,
         };
         for member in acting.held.others() {
             acting.held.follow_place(member, context);
         }
-        if moves || has_steps {
+        if has_place || has_steps {
             acting.report_wait(context);
         }
         acting
@@ -180,7 +174,7 @@ impl Acting {
                 false => DriveState::Lost,
             };
         }
-        state.steps_done = self.held.motion.planned.paths().map(|_| self.steps_done);
+        state.steps_done = Some(self.steps_done);
     }
 
     /// The spot on which it has settled by this plan.
@@ -208,14 +202,7 @@ impl Acting {
         if !matches!(self.task, Task::Moving { .. }) {
             return true;
         }
-        if self.held.motion.route.is_some() {
-            return self.end_step();
-        }
-        self.task = match self.held.place {
-            Some(_) => Task::Docking,
-            None => Task::Spare,
-        };
-        true
+        self.end_step()
     }
 
     /// Ends the task, if it has begun; returns the spot that it was to reach.
@@ -231,19 +218,9 @@ impl Acting {
 
     /// The modules that act, if they have not settled for longer than a motion may take. None acts while all only plan.
     pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
-        if context.parameters.plan_only || self.held.refusal(context).is_some() {
-            return Vec::new();
-        }
-        if self.held.motion.planned.paths().is_some() {
-            let route = self.held.motion.route.as_ref();
-            return route.map_or_else(Vec::new, |route| self.stuck_on_paths(route, context));
-        }
-        let (step, since) = self.step_since;
-        let limit = context.parameters.motion_limit + context.parameters.stuck;
-        let is_overdue = context.now.saturating_sub(since) > limit;
-        step.filter(|_| is_overdue)
-            .map(|step| self.unsettled_in(step, context))
-            .unwrap_or_default()
+        let route = self.held.motion.route.as_ref();
+        let route = route.filter(|_| !context.parameters.plan_only);
+        route.map_or_else(Vec::new, |route| self.stuck_on_paths(route, context))
     }
 
     /// The goal that is published again with each heartbeat, as a drive stops when goals cease to repeat.
@@ -263,18 +240,15 @@ impl Acting {
 
     /// Where the module goes at present.
     pub(super) fn goal(&self) -> Option<MotionGoal> {
-        match &self.held.motion.route {
-            Some(route) => route.goal(self.steps_done + 1),
-            None => self.held.goal(),
-        }
+        let route = self.held.motion.route.as_ref()?;
+        route.goal(self.steps_done + 1)
     }
 
     /// The goals of the present step and of all after it.
     pub fn path_ahead(&self) -> Vec<Pose> {
-        match &self.held.motion.route {
-            Some(route) => route.poses_from(self.steps_done + 1).collect(),
-            None => self.held.goal().into_iter().map(|goal| goal.pose).collect(),
-        }
+        let route = self.held.motion.route.iter();
+        let ahead = route.flat_map(|route| route.poses_from(self.steps_done + 1));
+        ahead.collect()
     }
 
     /// Waits, moves and docks, as far as is safe now.
@@ -312,118 +286,61 @@ impl Acting {
             lagging.push(context.module());
         }
         lagging.extend(self.off_path(context));
-        if self.held.motion.planned.paths().is_some() && context.robot.service == Service::Active {
-            return self.carry_on_along_path(&lagging, context);
-        }
-        if let Some(error) = self.held.refusal(context) {
-            let fault = fault_of(context.module(), error, &self.held.roster);
+        if let Some(error) = self.held.refusal() {
             if lagging.is_empty()
-                && context.robot.service == Service::Active
-                && let Some(fault) = fault
+                && let Some(reason) = self.reason_to_leave(error, context)
             {
-                context.cannot_move(Event::InvalidStart(fault));
+                context.cannot_move_past_bodies(reason);
             }
             return Continuation::Wait;
         }
-        let to_act = self.step_to_act(context);
-        let step = to_act.as_ref().map(|&(step, _)| step);
-        if self.step_since.0 != step || !lagging.is_empty() {
-            self.step_since = (step, context.now);
+        let service = context.robot.service;
+        let listed = self.held.listed_service();
+        let has_steps = self.held.motion.route.as_ref();
+        let has_steps = has_steps.is_some_and(|route| route.steps() > 0);
+        let makes_room = has_steps && service == Service::Retired && listed == Service::Retired;
+        if service == Service::Active || makes_room {
+            return self.carry_on_along_path(&lagging, context);
         }
-        match self.held.place {
-            None if self.held.aside().is_some() && !self.has_acted() => {
-                self.make_room(to_act, &lagging, context)
-            }
-            None => {
-                // A module out of service undocks as soon as a plan without it is agreed on. Along the paths of a plan with it, it
-                // may be part of a body that turns.
-                let takes_part = self.held.motion.route.is_some();
-                let is_active = context.robot.service == Service::Active;
-                if lagging.is_empty() && !is_active && !takes_part {
-                    let links = context.robot.links.clone();
-                    context.undock(links);
-                }
-                Continuation::Wait
-            }
-            Some(place) if context.robot.service == Service::Active => {
-                self.carry_on(place, to_act, &lagging, context)
-            }
-            Some(_) => Continuation::Wait,
-        }
-    }
-
-    /// One step of this module's task; `lagging` members forbid every motion.
-    fn carry_on(
-        &mut self,
-        place: Place,
-        to_act: Option<(usize, Vec<ModuleId>)>,
-        lagging: &[ModuleId],
-        context: &mut Context,
-    ) -> Continuation {
-        match self.task {
-            Task::Waiting if self.held.unit_of(place).pinned => {
-                self.stay(place, lagging, context);
-                Continuation::Wait
-            }
-            Task::Waiting => {
-                let earlier = to_act.filter(|&(step, _)| step < self.held.step_of_unit(place.unit));
-                if let Some((_, unsettled)) = earlier {
-                    if self.reported != unsettled {
-                        self.reported.clone_from(&unsettled);
-                        context.emit(Event::WaitingFor(unsettled));
-                    }
-                } else if lagging.is_empty() && !context.parameters.plan_only {
-                    self.set_off(place, context);
-                    return Continuation::Again;
-                }
-                Continuation::Wait
-            }
-            Task::Undocking => {
-                let broken = context.links_except(|link| self.held.keeps_link_to(link));
-                if broken.is_empty() && lagging.is_empty() {
-                    self.move_on(context);
-                }
-                Continuation::Wait
-            }
-            Task::Moving { since, held } => {
-                self.watch_motion(since, held, lagging, context);
-                Continuation::Wait
-            }
-            Task::Docking => {
-                self.dock(place, lagging, context);
-                Continuation::Wait
-            }
-            Task::Spare | Task::Pausing | Task::Settled | Task::Failed => Continuation::Wait,
-        }
-    }
-
-    /// Moves off a spot that another module takes: undocks from all modules, and goes where it is in no way.
-    /// Enforces S6.
-    fn make_room(
-        &mut self,
-        to_act: Option<(usize, Vec<ModuleId>)>,
-        lagging: &[ModuleId],
-        context: &mut Context,
-    ) -> Continuation {
-        let is_due = to_act.is_some_and(|(_, modules)| modules.contains(&context.module()));
-        match self.task {
-            Task::Waiting if is_due && lagging.is_empty() && !context.parameters.plan_only => {
-                self.proofs = Proofs::of_making_room(&self.held, context);
-                self.task = Task::Undocking;
-                context.robot.settled_on = None;
-                context.mark_state_changed();
-                context.emit(Event::MakingRoom);
-                let links = context.robot.links.clone();
-                context.undock(links);
-                return Continuation::Again;
-            }
-            Task::Undocking if context.robot.links.is_empty() && lagging.is_empty() => {
-                self.move_on(context);
-            }
-            Task::Moving { since, held } => self.watch_motion(since, held, lagging, context),
-            _ => {}
+        // A module out of service undocks as soon as a plan without it is agreed on. Along the paths of a plan with it, it may be part of
+        // a body that turns.
+        let takes_part = listed == Service::Active && self.held.motion.route.is_some();
+        if lagging.is_empty() && !takes_part && self.held.place.is_none() {
+            let links = context.robot.links.clone();
+            context.undock(links);
         }
         Continuation::Wait
+    }
+
+    /// Why this module has to leave service, as there are no paths, if so.
+    /// Enforces S6, X13.
+    fn reason_to_leave(&self, error: &MotionError, context: &Context) -> Option<Event> {
+        let own = context.module();
+        let is_concerned = match context.robot.service {
+            Service::Active => true,
+            Service::Retired => self.held.making_room().contains(&own),
+            Service::MotionFailed => false,
+        };
+        if !is_concerned {
+            return None;
+        }
+        let is_in_the_way = || self.held.making_room().contains(&own);
+        let is_unit = |modules: &[ModuleId]| {
+            // Those that make room leave before the others.
+            modules.contains(&own) && self.held.making_room().is_empty()
+        };
+        match error {
+            MotionError::Starts(_) => {
+                fault_of(own, error, &self.held.roster).map(Event::InvalidStart)
+            }
+            MotionError::Unreachable { .. } if is_in_the_way() => {
+                Some(Event::CannotMakeWay(error.clone()))
+            }
+            MotionError::Unreachable { modules, .. } if is_unit(modules) => {
+                Some(Event::CannotReach(error.clone()))
+            }
+            _ => None,
+        }
     }
 
     /// Stays on its spot. It undocks from modules that the target does not have there, such as a failed neighbour, and docks to
@@ -440,17 +357,6 @@ impl Acting {
             context.robot.settled_on = self.settled_on();
             context.mark_state_changed();
         }
-    }
-
-    /// Begins to undock the links that the plan breaks.
-    /// Enforces X2.
-    fn set_off(&mut self, place: Place, context: &mut Context) {
-        self.proofs = Proofs::of_departure(&self.held, place, context);
-        self.task = Task::Undocking;
-        context.mark_state_changed();
-        context.emit(Event::MotionBegun(place.spot));
-        let broken = context.links_except(|link| self.held.keeps_link_to(link));
-        context.undock(broken);
     }
 
     /// Sets off to the present goal.
@@ -522,9 +428,7 @@ impl Acting {
             return;
         }
         self.task = Task::Settled;
-        if self.held.motion.route.is_some() {
-            self.proofs.note_docked(&self.held, place, context);
-        }
+        self.proofs.note_docked(&self.held, place, context);
         context.robot.settled_on = Some(SettledOn {
             spot: place.spot,
             target: self.held.roster.target_digest(),
@@ -553,23 +457,6 @@ impl Acting {
         } else {
             self.held.has_acted(module, context.peers.get(module))
         }
-    }
-
-    /// The modules of a step that have not done their part.
-    fn unsettled_in(&self, step: usize, context: &Context) -> Vec<ModuleId> {
-        let modules = self.held.step_modules(step).into_iter();
-        modules
-            .filter(|&module| !self.has_settled(module, context))
-            .collect()
-    }
-
-    /// The first step of which not all modules have done their part, with those that have not.
-    /// Enforces X1.
-    fn step_to_act(&self, context: &Context) -> Option<(usize, Vec<ModuleId>)> {
-        let steps = 0..self.held.steps();
-        steps
-            .map(|step| (step, self.unsettled_in(step, context)))
-            .find(|(_, unsettled)| !unsettled.is_empty())
     }
 }
 

@@ -53,7 +53,7 @@ impl Agreeing {
         let lagging = self.held.lagging(context);
         self.held.waits_for = lagging.first().copied();
         if lagging.is_empty() && context.outbox.may_show_plan_of(self.held.epoch()) {
-            let acting = Acting::begin(self.held, self.since, context);
+            let acting = Acting::begin(self.held, context);
             return Transition::Enter(Stage::Acting(Box::new(acting)));
         }
         let computes = |&module: &ModuleId| context.peers.computes(module, self.held.epoch());

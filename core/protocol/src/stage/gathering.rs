@@ -7,7 +7,7 @@ use std::time::Duration;
 use formation_model::{
     ClosedRoster, Digest, Epoch, GivenRefused, Incarnation, Message, ModuleId, ModulePhase,
     ModuleState, PlanningModule, ProblemError, Roster, RosterMember, RosterMessage, Service,
-    TargetAnnouncement, digest, standing_bodies,
+    TargetAnnouncement, digest,
 };
 
 use super::super::context::Context;
@@ -291,10 +291,7 @@ impl Gathering {
             let next = Self::convene(context, &announcement, EpochReason::NewTarget);
             return Transition::Enter(Stage::Gathering(next));
         }
-        let parameters = announcement.parameters;
-        let obstacles = standing_bodies(&roster);
-        let released = pins::release(&mut roster.members, &open, parameters, obstacles, context);
-        if released.is_none() {
+        if pins::release(&mut roster, &open, context).is_none() {
             if let Part::Convener(collection) = &mut self.role {
                 collection.computes = true;
             }

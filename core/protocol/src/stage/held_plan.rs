@@ -6,11 +6,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    ActingUnit, CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MicroUnits,
-    ModuleId, ModulePhase, ModuleState, Plan, Polyline, Pose, Service, SpotId, Whereabouts,
+    ActingUnit, CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, ModuleId,
+    ModulePhase, ModuleState, Plan, Polyline, Pose, Service, SpotId, Whereabouts,
 };
 
-use formation_motion::MotionGoal;
 use formation_motion::paths::MotionError;
 
 use super::super::context::Context;
@@ -146,96 +145,53 @@ impl HeldPlan {
     }
 
     /// Why no module moves by this plan, if so.
-    pub(crate) fn refusal(&self, context: &Context) -> Option<&MotionError> {
-        // There are no paths while a member that is out of service moves off a spot.
-        let has_asides = !self.roster_plan.asides.is_empty();
-        self.motion
-            .planned
-            .refusal(context.own.is_robot && !has_asides)
+    pub(crate) fn refusal(&self) -> Option<&MotionError> {
+        self.motion.planned.refusal()
     }
 
-    /// Where this module goes to make room, if it does.
-    pub(super) fn aside(&self) -> Option<Pose> {
-        let mut asides = self.roster_plan.asides.iter();
-        asides
-            .find(|&&(module, _)| module == self.own)
-            .map(|&(_, pose)| pose)
+    /// The service of this module when the roster was made.
+    pub(super) fn listed_service(&self) -> Service {
+        let member = self.roster.member(self.own);
+        member.map_or(Service::Active, |member| member.service)
     }
 
-    /// The modules that act in a step: first those that make room, one by one, then the units.
-    pub(super) fn step_modules(&self, step: usize) -> Vec<ModuleId> {
-        match step.checked_sub(self.roster_plan.asides.len()) {
-            None => vec![self.roster_plan.asides[step].0],
-            Some(unit) => {
-                let units = self.plan.assembly.units.get(unit).into_iter();
-                let placements = units.flat_map(|unit| &unit.placements);
-                placements.map(|&(module, _)| module).collect()
-            }
-        }
+    /// The retired members that stand on spots, and make way for those that take these.
+    pub(super) fn making_room(&self) -> Vec<ModuleId> {
+        let problem = self.roster.problem().ok().flatten();
+        let problem = problem.iter();
+        let making_room = problem.flat_map(|problem| problem.making_room());
+        making_room.map(|module| module.id).collect()
     }
 
-    /// The number of steps.
-    pub(super) fn steps(&self) -> usize {
-        self.roster_plan.asides.len() + self.plan.assembly.units.len()
-    }
-
-    /// The step in which a unit acts.
-    pub(super) fn step_of_unit(&self, unit: usize) -> usize {
-        self.roster_plan.asides.len() + unit
-    }
-
-    /// The step in which a module moves and its goal; `None` if it stays where it is.
-    fn motion_of(&self, module: ModuleId) -> Option<(usize, Pose)> {
-        self.roster_plan.motions.get(&module).copied()
-    }
-
-    /// The unit of each module in the paths, and the module's own path; empty if modules do not move along paths.
+    /// The unit of each module in the paths, and the module's own path; empty if no module moves.
     pub(crate) fn places(&self) -> BTreeMap<ModuleId, PathPlace<'_>> {
         self.motion.places()
     }
 
-    /// Where another member, with its path if it has one, may be that was last `seen` there, now that this module has `acted` or
-    /// not. It stays where it was seen if it moves no more, or cannot have set off while this module acts before it.
+    /// Where another member, with its path if it has one, may be that was last `seen` there.
     /// Enforces B2.
     pub(crate) fn whereabouts(
         &self,
         (module, place): (ModuleId, Option<PathPlace<'_>>),
         seen: Pose,
-        has_acted: bool,
         peer: Option<&Peer>,
     ) -> Whereabouts {
-        if let Some((unit, member)) = place {
-            let done = self.steps_done_by(module, peer) as usize;
-            let mut rest = unit.poses_after(done, member).peekable();
-            if done == unit.steps.len() {
-                // What was seen may be older than what was done.
-                return Whereabouts::Halted(rest.peek().copied().unwrap_or(seen));
-            }
-            let path = Polyline::through(std::iter::once(seen).chain(rest));
-            debug_assert!(path.is_ok(), "a plan with more corners is not used");
-            return path.map_or(Whereabouts::Seen(seen), Whereabouts::OnTheWay);
+        let Some((unit, member)) = place else {
+            return Whereabouts::Halted(seen);
+        };
+        let done = self.steps_done_by(module, peer) as usize;
+        let mut rest = unit.poses_after(done, member).peekable();
+        if done == unit.steps.len() {
+            // What was seen may be older than what was done.
+            return Whereabouts::Halted(rest.peek().copied().unwrap_or(seen));
         }
-        match self.line_of(module, has_acted, peer) {
-            Some(goal) => Whereabouts::OnTheWay(Polyline::line(seen, goal)),
-            None => Whereabouts::Halted(seen),
-        }
-    }
-
-    /// Where another member may be heading for in a straight line.
-    fn line_of(&self, module: ModuleId, has_acted: bool, peer: Option<&Peer>) -> Option<Pose> {
-        if self.motion.planned.paths().is_some() {
-            return None;
-        }
-        let (step, goal) = self.motion_of(module)?;
-        let aside = self
-            .roster_plan
-            .asides
-            .iter()
-            .position(|&(one, _)| one == self.own);
-        let own = aside.or_else(|| Some(self.step_of_unit(self.place?.unit)));
-        let waits_for_own = !has_acted && own.is_some_and(|own| own < step);
-        let has_ended = self.has_acted(module, peer);
-        (!waits_for_own && !has_ended).then_some(goal)
+        let path = Polyline::through(std::iter::once(seen).chain(rest));
+        debug_assert!(path.is_ok(), "a plan with more corners is not used");
+        let on_the_way = match unit.is_in_block_after(done) {
+            true => Whereabouts::InBlock,
+            false => Whereabouts::OnTheWay,
+        };
+        path.map_or(Whereabouts::Seen(seen), on_the_way)
     }
 
     /// Whether the state of another member shows that it has done its part of this plan.
@@ -268,7 +224,8 @@ impl HeldPlan {
                 self.settled_state(holder, context.peers.get(holder))
                     .is_some()
             };
-            !has_settled && self.motion_of(holder).is_some()
+            let place = self.roster_plan.places.get(&holder);
+            !has_settled && place.is_some_and(|&place| !self.unit_of(place).pinned)
         })
     }
 
@@ -453,7 +410,6 @@ impl HeldPlan {
     }
 
     /// The state of another member, if it shows that the member has settled on its spot in this epoch.
-    /// Enforces X1.
     pub(super) fn settled_state<'a>(
         &self,
         module: ModuleId,
@@ -552,35 +508,5 @@ impl HeldPlan {
                 let mut holders = self.adjacent_holders(place.spot);
                 holders.any(|holder| holder == other)
             })
-    }
-
-    /// Where this module goes in a straight line.
-    pub(super) fn goal(&self) -> Option<MotionGoal> {
-        if let Some(pose) = self.aside() {
-            let member = self.roster.member(self.own)?;
-            return Some(MotionGoal {
-                pose,
-                unit_distance: member.module.pose.distance_to(&pose),
-                pivot: None,
-            });
-        }
-        let place = self.place?;
-        let spot = self.roster.target.target.as_ref()?.spot(place.spot)?;
-        Some(MotionGoal {
-            pose: spot.pose,
-            unit_distance: self.unit_distance(self.unit_of(place)),
-            pivot: None,
-        })
-    }
-
-    /// The longest distance in a unit, from the poses in the roster to the spots.
-    fn unit_distance(&self, unit: &ActingUnit) -> MicroUnits {
-        let distance = |&(module, spot): &(ModuleId, SpotId)| {
-            let target = self.roster.target.target.as_ref()?;
-            let member = self.roster.member(module)?;
-            Some(member.module.pose.distance_to(&target.spot(spot)?.pose))
-        };
-        let distances = unit.placements.iter().filter_map(distance);
-        distances.max().unwrap_or_default()
     }
 }

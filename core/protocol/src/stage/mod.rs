@@ -141,11 +141,6 @@ impl Stage {
         }
     }
 
-    /// Whether this module has done its part of the plan.
-    pub fn has_acted(&self) -> bool {
-        matches!(self, Self::Acting(acting) if acting.has_acted())
-    }
-
     /// Whether this module is measured off what its plan lets it do.
     pub fn is_off_path(&self) -> bool {
         matches!(self, Self::Acting(acting) if acting.is_off_path())

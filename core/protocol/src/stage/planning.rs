@@ -10,7 +10,6 @@ use std::time::Duration;
 
 use formation_model::{
     ClosedRoster, Decision, Epoch, EvictionNotice, Message, ModuleId, ModulePhase, SpotClaim,
-    standing_bodies,
 };
 use formation_motion::PlannedMotion;
 use formation_planner::{ClaimRefused, PlannedTurns};
@@ -66,7 +65,7 @@ impl Planning {
         };
         context.emit(Event::PlanningBegun { epoch, members });
         Some(Self {
-            job: PlanJob::plan(problem, standing_bodies(&roster)),
+            job: PlanJob::plan(problem),
             planned: None,
             applied: 0,
             roster,
@@ -255,8 +254,7 @@ fn report_motion(motion: &PlannedMotion, epoch: Epoch, context: &mut Context) {
         return;
     }
     match motion {
-        PlannedMotion::Paths(_) | PlannedMotion::Straight(None) => {}
-        PlannedMotion::Straight(Some(error)) => context.emit(Event::NoPaths(error.clone())),
+        PlannedMotion::Paths(_) => {}
         PlannedMotion::Refused(error) => context.emit(Event::NotMoving(error.clone())),
     }
 }

@@ -21,44 +21,20 @@ pub(super) struct Proofs {
 }
 
 impl Proofs {
-    /// The proofs of a module that begins to move to its place in a straight line, or leaves it along a path.
-    ///
-    /// Along paths it waits for nothing but agreement. Otherwise the lead of a unit names every module of the unit before; the others name the holders next to their own spot.
+    /// The proofs of a module that leaves for its place: the lead of the first unit names the heartbeat of every member that showed
+    /// agreement.
     /// Enforces X5.
     pub fn of_departure(held: &HeldPlan, place: Place, context: &Context) -> Self {
         let units = &held.plan.assembly.units;
-        let unit = held.unit_of(place);
-        let on_paths = held.motion.route.is_some();
-        let partners = held.docks_with(place).into_iter().filter(|_| !on_paths);
-        let mut causes: BTreeSet<ModuleId> = partners.collect();
-        for (member, _) in &unit.placements {
-            causes.remove(member);
-        }
-        let leads = unit.lead == context.module();
-        if leads
-            && !on_paths
-            && let Some(before) = place.unit.checked_sub(1)
-        {
-            let before = units[before].placements.iter();
-            causes.extend(before.map(|&(module, _)| module));
-        }
-        let waited_for = causes
-            .into_iter()
-            .filter_map(|module| held.settled_mark(&context.peers, module))
-            .collect();
-        let leads_first = leads && units[..place.unit].iter().all(|unit| unit.pinned);
-        let members = held.roster_plan.members.keys().filter(|_| leads_first);
-        Self {
-            waited_for,
-            agreed_on: members
-                .filter_map(|&module| heartbeat_mark(module, context))
-                .collect(),
-            settled_since: 0,
+        let leads = held.unit_of(place).lead == context.module();
+        match leads && units[..place.unit].iter().all(|unit| unit.pinned) {
+            true => Self::of_agreement(held, context),
+            false => Self::default(),
         }
     }
 
-    /// The proofs of a module that makes room: the heartbeat of every member that showed agreement.
-    pub fn of_making_room(held: &HeldPlan, context: &Context) -> Self {
+    /// The heartbeat of every member that showed agreement.
+    fn of_agreement(held: &HeldPlan, context: &Context) -> Self {
         let members = held.roster_plan.members.keys();
         Self {
             agreed_on: members
@@ -68,13 +44,13 @@ impl Proofs {
         }
     }
 
-    /// The proofs of a module without a spot that leaves along a path: as of one that makes room, if no module with a spot
-    /// moves. Otherwise the lead of the first unit has the proof.
+    /// The proofs of a module without a spot that makes way: those of agreement, if no module with a spot moves. Otherwise the lead
+    /// of the first unit has them.
     /// Enforces X5.
     pub fn of_making_way(held: &HeldPlan, context: &Context) -> Self {
         let mut units = held.plan.assembly.units.iter();
         match units.all(|unit| unit.pinned) {
-            true => Self::of_making_room(held, context),
+            true => Self::of_agreement(held, context),
             false => Self::default(),
         }
     }

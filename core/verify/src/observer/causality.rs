@@ -21,11 +21,8 @@ pub(super) struct Acts<'a> {
     moved: BTreeMap<ModuleId, &'a Act>,
     /// The acting units that have moved; pinned modules do not move.
     pub(super) units: BTreeMap<ModuleId, Unit>,
-    /// An edge leads from each unit to every unit that waited for one of its modules.
+    /// An edge leads from each unit to every unit that waited for one of its modules, which shows once it has docked.
     order: DiGraphMap<ModuleId, ()>,
-    /// Whether the plan moves modules along paths: units move at the same time, and what they waited for shows once they
-    /// have docked.
-    pub(super) on_paths: bool,
 }
 
 /// One acting unit, as far as it is known.
@@ -48,7 +45,6 @@ impl<'a> Acts<'a> {
             moved: BTreeMap::new(),
             units: BTreeMap::new(),
             order: DiGraphMap::new(),
-            on_paths: false,
         };
         for (&module, member) in &acts.members {
             let act = planned.act_of(member);
@@ -56,7 +52,6 @@ impl<'a> Acts<'a> {
                 acts.moved.insert(module, act);
             }
         }
-        acts.on_paths = acts.moved.values().any(|act| act.on_paths);
         acts.contract();
         acts
     }
@@ -219,16 +214,13 @@ impl<'a> Acts<'a> {
         }
     }
 
-    /// Each unit, or one in its causal past, must prove that all members had agreed; along paths one unit must.
+    /// One unit must prove that all members had agreed.
     fn check_agreement(&self, open: &BTreeSet<ModuleId>, violations: &mut Vec<Violation>) {
         let proven = self.after_any(|unit| self.lacking_agreement(unit).is_none());
-        if self.on_paths && (!proven.is_empty() || !open.is_empty() || !self.all_have_moved()) {
+        if !proven.is_empty() || !open.is_empty() || !self.all_have_moved() {
             return;
         }
         for (&module, unit) in &self.units {
-            if open.contains(&module) || proven.contains(&module) {
-                continue;
-            }
             if let Some(member) = self.lacking_agreement(unit) {
                 violations.push(Violation::AgreementNotShown {
                     epoch: self.planned.epoch,
@@ -239,8 +231,8 @@ impl<'a> Acts<'a> {
         }
     }
 
-    /// Whether every module that has to move published that it does. Along paths the lead of the first unit alone carries the
-    /// proof of agreement, and units do not wait for each other to set off, so that this lead may end before it publishes.
+    /// Whether every module that has to move published that it does. The lead of the first unit alone carries the proof of
+    /// agreement, and units do not wait for each other to set off, so that this lead may end before it publishes.
     fn all_have_moved(&self) -> bool {
         let holders = replay_claims(self.planned).replay.spots;
         let problem = self.planned.problem;
@@ -288,8 +280,10 @@ impl<'a> Acts<'a> {
             .collect();
         let mut without: BTreeMap<usize, Vec<(usize, ModuleId, SpotId)>> = BTreeMap::new();
         for (&lead, unit) in &self.units {
-            let has_docked = !self.on_paths || self.has_settled(unit);
-            if !has_docked || open.contains(&lead) || self.has_placed_neighbour(unit, &holders) {
+            if !self.has_settled(unit)
+                || open.contains(&lead)
+                || self.has_placed_neighbour(unit, &holders)
+            {
                 continue;
             }
             let Some(spot) = self.spots_of(unit).next() else {

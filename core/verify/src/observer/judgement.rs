@@ -203,20 +203,19 @@ impl Observer {
         if let Some(planned) = current {
             self.report_on(now, planned, &mut verdict);
         }
-        let overlap = verdict.violations.iter().find_map(|one| match *one {
+        verdict.collision_risk = verdict.violations.iter().find_map(|one| match *one {
             Violation::BodiesOverlap {
                 epoch,
                 first,
                 second,
                 ..
-            } => Some(CollisionRisk::Overlap {
+            } => Some(CollisionRisk {
                 epoch,
                 first,
                 second,
             }),
             _ => None,
         });
-        verdict.collision_risk = overlap.or_else(|| self.received.straight_motion());
         verdict.violations.sort();
         verdict.violations.dedup();
         verdict.violations.truncate(VIOLATIONS_MAX);
@@ -285,13 +284,11 @@ impl Verdict {
 /// Modules that moved as one unit must have been placed as one block.
 fn unit_violations(acts: &Acts<'_>, claimed: &Claimed) -> Vec<Violation> {
     let blocks: BTreeSet<&Vec<ModuleId>> = claimed.replay.blocks.iter().collect();
-    let in_blocks: BTreeSet<ModuleId> = claimed.replay.blocks.iter().flatten().copied().collect();
-    // Along paths, a block that does not get to its spots as one body moves as single modules.
-    let may_part = |lead: &ModuleId| acts.on_paths || !in_blocks.contains(lead);
+    // A block that does not get to its spots as one body moves as single modules.
     let units = acts.units.iter();
     units
         .filter(|(lead, unit)| {
-            let is_single = unit.modules.len() == 1 && may_part(lead);
+            let is_single = unit.modules.len() == 1;
             !(is_single || blocks.contains(&unit.modules)) || unit.modules.first() != Some(lead)
         })
         .map(|(&lead, _)| Violation::WrongUnit { lead })

@@ -9,7 +9,6 @@ use super::causality::Acts;
 use super::claims::replay_claims;
 use super::parameters::ObserverParameters;
 use super::record::{EpochRecord, ModuleRecord, PlannedEpoch, ReceivedRoster, entry_within};
-use super::verdict::CollisionRisk;
 use crate::violation::{VIOLATIONS_MAX, Violation};
 use formation_model::{
     BodyReport, Epoch, Incarnation, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, Pose,
@@ -38,8 +37,6 @@ pub(super) struct Received {
     /// Where the newest run of each module of another session was last seen.
     pub(super) other_sessions: BTreeMap<ModuleId, (Incarnation, Pose)>,
     epochs: BTreeMap<Epoch, EpochRecord>,
-    /// An epoch that was dropped for a newer one and in which modules moved in straight lines.
-    retired_straight: Option<CollisionRisk>,
     /// The violations of epochs that were dropped for newer ones.
     pub(super) retired: Vec<Violation>,
     /// The promises of these epochs that no message showed to be kept.
@@ -149,10 +146,6 @@ impl Received {
                 let (shown, unproven) = split(self.violations_in(dropped, &record));
                 self.retire(shown);
                 self.unproven += unproven;
-                let straight = record
-                    .planned(dropped)
-                    .and_then(PlannedEpoch::straight_motion);
-                self.retired_straight = self.retired_straight.or(straight);
             }
         }
         self.epochs.entry(epoch).or_default()
@@ -210,13 +203,6 @@ impl Received {
     pub(super) fn current(&self) -> Option<PlannedEpoch<'_>> {
         self.newest()
             .filter(|planned| !self.is_outdated(planned.roster))
-    }
-
-    /// An epoch in which modules moved in straight lines, the latest that is known.
-    pub(super) fn straight_motion(&self) -> Option<CollisionRisk> {
-        let mut epochs = self.epochs.iter().rev();
-        let straight = epochs.find_map(|(&epoch, record)| record.planned(epoch)?.straight_motion());
-        straight.or(self.retired_straight)
     }
 
     /// Whether a newer target is in force than the roster's: one with other content, or the same after a withdrawal. Agents

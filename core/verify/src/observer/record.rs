@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::verdict::CollisionRisk;
 use crate::Violation;
 use formation_model::{
-    CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits,
-    ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
-    SpotClaim, SpotId, Stop, TURNS_MAX,
+    BODY_WIDTH, BodyReport, CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation,
+    MODULES_MAX, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState, PlanningProblem, Pose,
+    RosterMember, SpotClaim, SpotId, Stop, TURNS_MAX, Whereabouts,
 };
 
 /// The greatest number of runs of one module that are kept, the latest ones.
@@ -162,8 +161,6 @@ pub(super) struct Act {
     pub(super) digests: Vec<Option<Digest>>,
     /// The highest sequence number of a state MOVING or SETTLED, with its unit and spot.
     pub(super) named: Option<(u64, Option<ModuleId>, Option<SpotId>)>,
-    /// Whether a state shows that the plan moves modules along paths.
-    pub(super) on_paths: bool,
     /// Whether it has published that it settled.
     pub(super) settled: bool,
     /// The highest sequence number of a state before SETTLED.
@@ -180,13 +177,14 @@ impl Act {
     /// Keeps the content of a state. Returns false if its proofs are of too many modules.
     fn handle(&mut self, now: Duration, state: &ModuleState) -> bool {
         let mut fits = true;
-        self.on_paths |= state.steps_done.is_some();
         self.settled |= state.phase == ModulePhase::Settled;
         match state.phase {
             ModulePhase::Moving | ModulePhase::Settled => {
                 self.moved_received.get_or_insert(now);
-                if !self.digests.contains(&state.digest) && self.digests.len() < RIVAL_DIGESTS_MAX {
-                    self.digests.push(state.digest);
+                // Who counts no steps follows no plan.
+                let digest = state.digest.filter(|_| state.steps_done.is_some());
+                if !self.digests.contains(&digest) && self.digests.len() < RIVAL_DIGESTS_MAX {
+                    self.digests.push(digest);
                 }
                 let named = Some((state.sequence, state.unit, state.spot));
                 self.named = self.named.max(named);
@@ -311,30 +309,21 @@ impl<'a> PlannedEpoch<'a> {
         &self.roster.roster.members
     }
 
-    /// Whether members that are not pinned moved, and not along paths.
-    /// Enforces V5.
-    pub(super) fn straight_motion(self) -> Option<CollisionRisk> {
-        let mut members = self.members().iter();
-        let moved = members.any(|member| {
-            let act = self.act_of(member).filter(|_| member.module.pin.is_none());
-            act.is_some_and(|act| act.moved_received.is_some() && !act.on_paths)
-        });
-        let demanded = self.roster.roster.target.parameters.motion == MotionMode::Straight;
-        moved.then_some(match demanded {
-            true => CollisionRisk::StraightDemanded(self.epoch),
-            false => CollisionRisk::NoPaths(self.epoch),
-        })
-    }
-
     /// Whether the plan is made around the body of a module where it was by its states: it is a member, or an absent module whose
     /// body the roster lists there. Where the roster lists it elsewhere, states of it did not arrive.
     pub(super) fn knows_body(&self, module: ModuleId, was_at: &dyn Fn(Pose) -> bool) -> bool {
         let roster = &self.roster.roster;
         let mut bodies = roster.bodies.iter();
+        // A single module on its way is not where another one is measured.
+        let may_be_at = |body: &BodyReport, pose: Pose| {
+            let mut members = roster.members.iter();
+            !matches!(body.whereabouts, Whereabouts::OnTheWay(_))
+                || members.all(|member| member.module.pose.distance_to(&pose) >= BODY_WIDTH)
+        };
         RosterMember::find(&roster.members, module).is_some()
             || bodies.any(|body| {
                 let mut poses = body.whereabouts.poses().iter();
-                body.module == module && poses.any(|&pose| was_at(pose))
+                body.module == module && poses.any(|&pose| was_at(pose) && may_be_at(body, pose))
             })
     }
 

@@ -24,20 +24,16 @@ pub enum Outcome {
     NotJudged,
 }
 
-/// Why modules may have run into each other. The message of each variant describes it.
+/// Two bodies that overlapped, so that modules may have run into each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[expect(missing_docs, reason = "the message of each variant describes it")]
-pub enum CollisionRisk {
-    #[error("{first} and {second} overlapped in {epoch}")]
-    Overlap {
-        epoch: Epoch,
-        first: ModuleId,
-        second: ModuleId,
-    },
-    #[error("modules moved in straight lines in {0}, as the target demands")]
-    StraightDemanded(Epoch),
-    #[error("modules moved in straight lines in {0}, because there were no paths")]
-    NoPaths(Epoch),
+#[error("{first} and {second} overlapped in {epoch}")]
+pub struct CollisionRisk {
+    /// By the plan of this epoch.
+    pub epoch: Epoch,
+    /// One of the modules.
+    pub first: ModuleId,
+    /// The other.
+    pub second: ModuleId,
 }
 
 /// The times of milestones, as received, since the observer's start.

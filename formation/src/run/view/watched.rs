@@ -101,36 +101,23 @@ impl Watched {
         }
     }
 
-    /// The modules of the units whose turn or motion in straight lines is still to come. Each unit waits for the one before it.
-    /// Empty where the run does not follow the offline plan.
+    /// The modules of the units whose turn is still to come. Each unit waits for the one before it. Empty once modules move, and where the
+    /// run does not follow the offline plan.
     pub fn queue(&self) -> Vec<Vec<ModuleId>> {
         let followed = self.plan.as_ref();
         let Some(plan) = followed.filter(|plan| self.scene.epoch().is_some() && self.follows(plan))
         else {
             return Vec::new();
         };
-        let turns = &plan.outcome.decisions;
-        let is_settled =
-            |module: &ModuleId| self.scene.phase_of(*module) == Some(ModulePhase::Settled);
         if self.is_acting() {
-            let units = plan.outcome.plan.assembly.units.iter();
-            units
-                .map(|unit| {
-                    let placements = unit.placements.iter();
-                    let mut modules: Vec<ModuleId> =
-                        placements.map(|&(module, _)| module).collect();
-                    modules.sort_unstable();
-                    modules
-                })
-                .skip_while(|unit| unit.iter().all(is_settled))
-                .collect()
-        } else {
-            let left = turns.iter().skip(self.scene.decisions().len());
-            left.map(|(turn, _)| turn.modules.clone()).collect()
+            return Vec::new();
         }
+        let turns = plan.outcome.decisions.iter();
+        let left = turns.skip(self.scene.decisions().len());
+        left.map(|(turn, _)| turn.modules.clone()).collect()
     }
 
-    /// The modules on their way and those that wait for others, while modules move along paths.
+    /// The modules on their way and those that wait for others, while modules move.
     pub fn on_paths(&self) -> Option<(Vec<ModuleId>, Vec<ModuleId>)> {
         let plan = self.plan.as_ref().filter(|plan| self.follows(plan))?;
         if !self.is_acting() || plan.motion.paths().is_none() {

@@ -47,10 +47,7 @@ impl HeldPlan {
     ) -> Option<MicroUnits> {
         let Some((unit, member)) = self.motion.place_of(module) else {
             let from = self.roster.member(module)?.module.pose;
-            let to = self.straight_goal(module).filter(|_| !stands);
-            let to = to.unwrap_or(from);
-            let across = polyline::distance(pose, &[from, to])?;
-            return Some(across.max(turned_off(&from, &to, pose)));
+            return Some(from.distance_to(pose).max(turned_off(&from, &from, pose)));
         };
         let last = member.waypoints.len().checked_sub(1)?;
         let done = (done as usize).min(last);
@@ -65,16 +62,6 @@ impl HeldPlan {
         let arc = arc.max().filter(|_| !stands).unwrap_or_default();
         let across = MicroUnits((across.0 - arc.0).max(0));
         Some(across.max(turned_off(&from, &to, pose)))
-    }
-
-    /// Where a module goes that moves along no path: off a spot that another takes, or to its own; `None` where it stays.
-    fn straight_goal(&self, module: ModuleId) -> Option<Pose> {
-        let asides = self.roster_plan.asides.iter();
-        if let Some(&(_, pose)) = asides.clone().find(|&&(other, _)| other == module) {
-            return Some(pose);
-        }
-        let spot = *self.plan.assignments.get(&module)?;
-        Some(self.roster.target.target.as_ref()?.spot(spot)?.pose)
     }
 
     /// Whether the ports of a module that is far off its place are locked to one that stands on its own.

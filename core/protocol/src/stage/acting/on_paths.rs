@@ -149,7 +149,11 @@ impl Acting {
                     self.proofs = Proofs::of_departure(&self.held, place, context);
                     context.emit(Event::MotionBegun(place.spot));
                 }
-                None => self.proofs = Proofs::of_making_way(&self.held, context),
+                None => {
+                    self.proofs = Proofs::of_making_way(&self.held, context);
+                    context.robot.settled_on = None;
+                    context.emit(Event::MakingRoom);
+                }
             }
             context.mark_state_changed();
         }

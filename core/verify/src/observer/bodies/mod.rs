@@ -2,8 +2,8 @@
 //! times of their senders.
 //!
 //! A module publishes a state at every corner, begin and stop of its motion, and where it enters cells for which it waited.
-//! Between two states that follow each other it moves straight on, so its body is known at every moment. Only plans along
-//! paths are judged: a plan in straight lines promises no more than its order.
+//! Between two states that follow each other it moves straight on, so its body is known at every moment. Judged is what modules do
+//! by a plan, and not how a hand or a drive without one moves them.
 //!
 //! The later of two runs is that of the higher number. If states of the other one come after it, either they are late, or the
 //! clock was set back between the two: then it is not known where the module stands, and since when by which clock. So it is
@@ -270,14 +270,14 @@ impl Bodies {
         }
     }
 
-    /// The epoch by whose paths two segments are judged, if what moves in them moves along paths.
+    /// The epoch by whose plan two segments are judged, if what moves in them moves by one.
     fn judged_epoch(one: &Segment, other: &Segment) -> Option<Epoch> {
         let moving = || [one, other].into_iter().filter(|one| one.leg.moves());
-        let on_paths = moving().all(|one| one.steps.is_some());
+        let have_plans = moving().all(|one| one.steps.is_some());
         moving()
             .filter_map(|one| one.epoch)
             .max()
-            .filter(|_| on_paths)
+            .filter(|_| have_plans)
     }
 
     /// By how much two bodies may seem to overlap without a contact: by the clearance, or by the stated tolerances of both poses if

@@ -61,7 +61,7 @@ pub(super) struct Segment {
     pub(super) leg: Leg,
     /// The epoch by whose plan it moved.
     pub(super) epoch: Option<Epoch>,
-    /// How many steps of its path it had done at the begin; `None` in straight lines.
+    /// How many steps of its path it had done at the begin; `None` where it carries out no plan.
     pub(super) steps: Option<u32>,
     /// The modules to which it may have been docked.
     pub(super) links: Arc<BTreeSet<ModuleId>>,

@@ -1,7 +1,6 @@
 //! Bodies that meet, steps that begin too early, and blocks that are torn.
 
 use super::*;
-use crate::CollisionRisk;
 
 /// One published state: module, milliseconds, x, y in tenths of a unit, the drive, and the steps done.
 type Moment = (u32, u64, i64, i64, DriveState, u32);
@@ -381,26 +380,13 @@ fn the_greatest_number_of_steps_is_judged_like_any_other() {
     assert!(on_paths(&before).broken().is_empty());
 }
 
+/// Shows X9.
 #[test]
-fn straight_lines_are_marked_and_not_judged() {
-    let moments = [
-        (1, 1_000, 0, 10, Moving, 0),
-        (1, 2_000, 40, 10, Standing, 4),
-        (2, 100, 20, 14, Standing, 0),
-    ];
-    let mut straight = on_paths(&moments);
-    for state in &mut straight.states {
-        state.steps_done = None;
-    }
-    straight.assert_broken(&[]);
-    let risk = straight.verdict().collision_risk;
-    assert_eq!(risk, Some(CollisionRisk::NoPaths(EPOCH)));
-    straight.target.parameters.motion = formation_model::MotionMode::Straight;
-    let risk = straight.verdict().collision_risk;
-    assert_eq!(risk, Some(CollisionRisk::StraightDemanded(EPOCH)));
-    let good = good_sequence().verdict();
-    assert_eq!(good.outcome, Outcome::Complete);
-    assert_eq!(good.collision_risk, Some(CollisionRisk::NoPaths(EPOCH)));
+fn a_module_that_moves_and_counts_no_steps_breaks_its_promise() {
+    let mut sequence = good_sequence();
+    sequence.state(3, 2).steps_done = None;
+    let module = ModuleId(3);
+    sequence.assert_violates(&Violation::MovedWithoutPlan { module });
 }
 
 /// Module 5 passes module 4 on its spot, so near that their bodies overlap by 0.2 units by their poses.

@@ -225,6 +225,7 @@ fn good_states() -> Vec<ModuleState> {
             let mut state = state(module, sequence, phase);
             state.unit = Some(ModuleId(unit));
             state.spot = Some(SpotId(spot));
+            state.steps_done = Some(u32::from(phase == ModulePhase::Settled));
             state.waited_for.clone_from(&waited_for);
             if module == 1 {
                 state.agreed_on.clone_from(&agreement);

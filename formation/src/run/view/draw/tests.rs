@@ -88,21 +88,6 @@ fn it_shows_whose_turn_it_is_and_who_waits_for_whom() {
 }
 
 #[test]
-fn in_straight_lines_it_shows_which_unit_goes_where_and_who_waits_for_it() {
-    let scenario = format!("planner: {{motion: straight}}{SCENARIO}");
-    let plan = Arc::new(CheckedPlan::of(&Scenario::from_yaml(&scenario).unwrap()).unwrap());
-    let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
-    let first_motion = entries.iter().position(is_moving).unwrap();
-    let text = drawn(&after(&plan, &entries, first_motion + 1), LARGE);
-    let (now, next) = match plan.outcome.plan.assembly.units[0].placements.len() {
-        1 => ("3 goes to spot 3", "1-2 wait for 3"),
-        _ => ("1-2 go to spots 1-2", "3 waits for 1-2"),
-    };
-    assert!(text.contains(&format!("now   {now}")), "{text}");
-    assert!(text.contains(&format!("next  {next}")), "{text}");
-}
-
-#[test]
 fn the_map_shows_what_is_filled_moving_claimed_and_free() {
     let plan = plan();
     let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
