@@ -288,6 +288,7 @@ impl Acting {
         lagging.extend(self.off_path(context));
         if let Some(error) = self.held.refusal() {
             if lagging.is_empty()
+                && !context.parameters.plan_only
                 && let Some(reason) = self.reason_to_leave(error, context)
             {
                 context.cannot_move_past_bodies(reason);
