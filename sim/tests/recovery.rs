@@ -213,3 +213,45 @@ fn modules_that_only_plan_agree_again_without_one_that_dies() {
         assert_eq!(body, Some(member.module.pose));
     }
 }
+
+/// One of two neighbours restarts with the link to the other, which has forgotten it. Both stand on their spots and settle at the same
+/// time, and neither has to dock to the other first: whichever state comes first, they end docked without another plan.
+/// Shows X3.
+#[test]
+fn neighbours_that_restart_at_the_same_time_are_docked() {
+    let starts = (0..6).map(|place| {
+        let (x, y) = (place % 3, place / 3);
+        format!("{{id: {}, x: {x}, y: {y}}}", place + 1)
+    });
+    let starts: Vec<String> = starts.collect();
+    let target = r#"target: {map: "o-o-o\n| | |\no-o-o"}"#;
+    let problem = scenario(&format!("{target}\nsingletons: [{}]", starts.join(", ")));
+    for seed in 0..10 {
+        for (one, other) in
+            [(1, 2), (2, 1), (2, 5), (5, 2)].map(|(one, other)| (ModuleId(one), ModuleId(other)))
+        {
+            let mut trial = Trial::new(&problem, seed);
+            trial.until(Cluster::has_formed);
+            for lost in [one, other] {
+                let before = trial.newest_epoch();
+                trial.cluster.crash(lost);
+                trial.until_formed_after(before);
+            }
+            let before = trial.newest_epoch();
+            trial.cluster.restart(other);
+            trial.cluster.restart(one);
+            trial.until_formed_after(before);
+            trial.until(|cluster| in_phase(cluster, ModulePhase::Settled).len() == 6);
+            let epoch = trial.newest_epoch();
+            trial.run_for(Duration::from_secs(2));
+            assert_eq!(trial.newest_epoch(), epoch);
+            for (own, its) in [(one, other), (other, one)] {
+                let links = trial.cluster.links(own).unwrap();
+                assert!(
+                    links.contains(&its),
+                    "seed {seed}: {own} is not docked to {its}: {links:?}"
+                );
+            }
+        }
+    }
+}

@@ -437,6 +437,35 @@ fn a_retired_module_makes_way_along_a_path() {
     }
 }
 
+/// One of three docked modules that stand turned over the target is retired: it leaves the lattice's way by steps of its own, and no
+/// module moves while it is docked to one that moves apart from it.
+/// Shows S6, X8.
+#[test]
+fn a_retired_module_undocks_before_it_makes_way() {
+    let problem = scenario(
+        "
+target: {map: 'o-o-o'}
+configurations: [{id: 1, leader: 1, modules: [
+  {id: 1, x: 0.0603, y: -0.342, theta: 0.349}, {id: 2, x: 1.0, y: 0.0, theta: 0.349}, {id: 3, x: 1.9397, y: 0.342, theta: 0.349}],
+  edges: [[1, 2], [2, 3]]}]
+singletons: [{id: 4, x: 6, y: 3}, {id: 5, x: 8, y: 3}]
+",
+    );
+    let mut trial = Trial::new(&problem, 3);
+    trial.until(|cluster| cluster.standing(ModuleId(3)).is_some());
+    let (kept, retired) = (ModuleId(2), ModuleId(3));
+    trial.cluster.command(retired, Command::Retire);
+    let mut torn = false;
+    trial.until(|cluster| {
+        let bodies = [kept, retired].map(|module| cluster.body(module).unwrap());
+        let is_docked = cluster.links(kept).unwrap().contains(&retired);
+        torn |= is_docked && bodies[0].distance_to(&bodies[1]).to_units() > 1.01;
+        cluster.has_formed()
+    });
+    assert!(!torn);
+    assert_eq!(trial.cluster.links(retired), Some(&BTreeSet::new()));
+}
+
 /// Walls leave it no place beside the lane, so it blocks its spot like one whose motion failed.
 /// Shows S6.
 #[test]

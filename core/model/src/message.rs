@@ -158,8 +158,7 @@ pub struct ModuleState {
     pub spot: Option<SpotId>,
     /// The lead of its acting unit; itself when it moves alone.
     pub unit: Option<ModuleId>,
-    /// The number of steps of its path that it has done in this epoch; `None` without a plan, or if modules move in
-    /// straight lines.
+    /// The number of steps of its path that it has done in this epoch; `None` without a plan or paths.
     pub steps_done: Option<u32>,
     /// The sequence number of the first state that showed it settled in this epoch; 0 before. A reader that keeps one
     /// sample can miss that state, and this shows whether a mark is later.

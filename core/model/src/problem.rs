@@ -298,7 +298,7 @@ impl PlanningProblem {
 
 /// Whether obstacles, walls and bodies leave each module no way to the target; empty if there are none of them. All spots are
 /// connected by steps, so a module that reaches one reaches all.
-fn cut_off(target: &Target, modules: &[PlanningModule], bodies: &[Area]) -> Vec<bool> {
+pub(crate) fn cut_off(target: &Target, modules: &[PlanningModule], bodies: &[Area]) -> Vec<bool> {
     if target.surroundings().is_open() && bodies.is_empty() {
         return Vec::new();
     }

@@ -146,7 +146,13 @@ impl Agent {
         let has_settled = state.phase == ModulePhase::Settled;
         let is_settled = self.stage.is_settled();
         let has_left = state.phase == ModulePhase::Moving;
-        if is_linked && (has_left || !is_wanted && has_settled) {
+        // One that comes to its spot undocked docks there, or follows the link of this module.
+        let may_be_apart = if is_wanted {
+            has_left && !is_settled
+        } else {
+            has_left || has_settled
+        };
+        if is_linked && may_be_apart {
             body.links.remove(&other);
         } else if !is_linked && is_wanted && has_settled && is_settled && may_be_docked {
             body.links.insert(other);

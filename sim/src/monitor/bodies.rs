@@ -11,13 +11,17 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use formation_model::{
-    ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target, Whereabouts,
+    MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target,
+    Whereabouts,
 };
 
 use super::covering::{Outline, is_covered, is_on};
 use super::ways::cut_off;
 use super::{Monitor, ViolationKind, member};
 use crate::cluster::Cluster;
+
+/// Into how many parts a line is divided.
+const LINE_PARTS: i64 = 64;
 
 impl Monitor {
     /// A module settles, or stands by without a spot: no other one stands on the same spot.
@@ -145,7 +149,12 @@ fn room_by(roster: &Roster, target: &Target, active: usize, outline: Outline) ->
         .map(|member| (member.module.pose, member.module.pose));
     let absent = roster.bodies.iter();
     let absent = absent.filter(|body| member(roster, body.module).is_none());
-    let absent = absent.flat_map(|body| lines_of(&body.whereabouts));
+    let measured = roster.members.iter().map(|member| member.module.pose);
+    let measured: Vec<Pose> = measured.collect();
+    let absent = absent.flat_map(|body| match (&body.whereabouts, outline) {
+        (Whereabouts::OnTheWay(_), Outline::Exact) => lines_past(&body.whereabouts, &measured),
+        _ => lines_of(&body.whereabouts),
+    });
     let lines: Vec<(Pose, Pose)> = failed.chain(absent).collect();
     let held: Vec<SpotId> = roster
         .members
@@ -182,6 +191,32 @@ fn room_by(roster: &Roster, target: &Target, active: usize, outline: Outline) ->
         }
     }
     most
+}
+
+/// The parts of the lines on which a body may stand a unit away from modules that are measured: what reaches into their cells by no more
+/// than the clearance is no contact.
+fn lines_past(whereabouts: &Whereabouts, measured: &[Pose]) -> Vec<(Pose, Pose)> {
+    let is_apart = |pose: &Pose| {
+        measured
+            .iter()
+            .all(|other| pose.distance_to(other) >= MicroUnits::ONE)
+    };
+    let parts = lines_of(whereabouts).into_iter().flat_map(|(from, to)| {
+        let at = move |part: i64| {
+            let along = |from: MicroUnits, to: MicroUnits| {
+                MicroUnits(from.0 + (to.0 - from.0) * part / LINE_PARTS)
+            };
+            Pose {
+                x: along(from.x, to.x),
+                y: along(from.y, to.y),
+                theta: along(from.theta, to.theta),
+            }
+        };
+        (0..LINE_PARTS).map(move |part| (at(part), at(part + 1)))
+    });
+    parts
+        .filter(|(from, to)| is_apart(from) && is_apart(to))
+        .collect()
 }
 
 /// The lines on which a body may stand.

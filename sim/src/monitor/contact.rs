@@ -49,8 +49,8 @@ pub(super) struct ContactWatch {
     tracks: BTreeMap<ModuleId, Track>,
     /// The pairs that were found to overlap, which are reported once; a module and itself for an obstacle.
     found: BTreeSet<(ModuleId, ModuleId)>,
-    /// The pairs that a hand made meet, until they part.
-    met_by_hand: BTreeSet<(ModuleId, ModuleId)>,
+    /// The pairs that a hand made meet, or that met as parts of one body, until they part.
+    excused: BTreeSet<(ModuleId, ModuleId)>,
 }
 
 impl Monitor {
@@ -121,15 +121,17 @@ impl Monitor {
         let others = known.members.iter().chain(&known.seen).copied();
         for other in others.chain(listed).collect::<BTreeSet<ModuleId>>() {
             let pair = (module.min(other), module.max(other));
-            if other == module || exempt.contains(&other) || self.bodies.found.contains(&pair) {
+            if other == module || self.bodies.found.contains(&pair) {
                 continue;
             }
             let Some(stands) = cluster.body(other) else {
                 continue;
             };
-            let meets = match self.bodies.tracks.get(&other) {
+            let track = self.bodies.tracks.get(&other);
+            let is_docked = exempt.contains(&other)
+                || track.is_some_and(|track| track.docked.contains(&module));
+            let meets = match track {
                 None => meet(&leg, &Leg::at_rest(Duration::ZERO, leg.end, stands), body),
-                Some(track) if track.docked.contains(&module) => false,
                 Some(track) => {
                     let rest = Leg::at_rest(track.since, leg.end, track.pose);
                     let rest = Some(rest).filter(|_| !cluster.is_moving(other));
@@ -140,10 +142,12 @@ impl Monitor {
                         .any(|other| meet(&leg, other, body))
                 }
             };
-            if meets {
+            if meets && is_docked {
+                self.bodies.excused.insert(pair);
+            } else if meets {
                 found.push(pair);
             } else {
-                self.bodies.met_by_hand.remove(&pair);
+                self.bodies.excused.remove(&pair);
             }
         }
         if let Some(target) = target
@@ -155,10 +159,9 @@ impl Monitor {
         }
         for pair in found {
             if self.hands.made_contact(pair, leg.end) {
-                self.bodies.met_by_hand.insert(pair);
+                self.bodies.excused.insert(pair);
             }
-            // Until they part.
-            if self.bodies.met_by_hand.contains(&pair) {
+            if self.bodies.excused.contains(&pair) {
                 continue;
             }
             self.bodies.found.insert(pair);

@@ -71,10 +71,11 @@ pub(super) fn cut_off(
         let next: Vec<Cell> = next.filter(|cell| seen.insert(*cell)).collect();
         waiting.extend(next);
     }
-    // No other body is where a member is measured, but it may reach into the cell.
-    let has_way = |start: &&Cell| {
-        let leaves = || around(**start).iter().any(|cell| seen.contains(cell));
-        seen.contains(*start) || outline == Outline::Exact && leaves()
+    // No other body is where a member is measured, but it may reach into the cell. One between cells may leave by each of them.
+    let has_way = |&&(right, up): &&Cell| {
+        let near = (-1..=1).flat_map(|x| (-1..=1).map(move |y| (right + x, up + y)));
+        let mut near = near.filter(|_| outline == Outline::Exact);
+        seen.contains(&(right, up)) || near.any(|cell| seen.contains(&cell))
     };
     starts.len() - starts.iter().filter(has_way).count()
 }

@@ -454,13 +454,12 @@ impl Context {
         let mut left = known.clone();
         left.retain(|body| !self.removals.is_due(body.run()));
         let soon = roster.blocked_by(&left);
-        let room = |blocked: &[BlockedSpot]| {
-            let part = blocked_spots::open_part(target, &roster.members, blocked);
-            let spots = part.map_or(0, |part| part.spots().len());
-            spots.min(active(roster).count())
-        };
-        let gains = room(&soon) > room(&listed);
-        let mut freed: Vec<BlockedSpot> = except(&listed, &soon).filter(|_| gains).collect();
+        let room = |bodies: &[BodyReport]| roster.open_part_by(bodies).map_or(0, |part| part.room);
+        let gains = || room(&left) > room(&roster.bodies);
+        let mut freed: Vec<BlockedSpot> = except(&listed, &soon).collect();
+        if !freed.is_empty() && !gains() {
+            freed.clear();
+        }
         freed.extend(self.covered_by_due(&known, target, &[&listed, &now]));
         Comparison {
             newly_blocked: except(&now, &listed).collect(),
@@ -527,18 +526,18 @@ impl Context {
         if newcomers.is_empty() {
             return false;
         }
-        let members = active(roster).count();
-        let part = roster.open_target();
-        let filled = part.map_or(0, |part| part.spots().len().min(members));
+        let filled = roster
+            .open_part_by(&roster.bodies)
+            .map_or(0, |part| part.room);
         if filled >= target.spots().len() {
             return false;
         }
         let mut known = self.bodies.outside(&roster.members);
         known.retain(|body| !newcomers.contains(&body.module) && !self.removals.is_due(body.run()));
-        let blocked = roster.blocked_by(&known);
-        let open = blocked_spots::open_part(target, &roster.members, &blocked);
-        let open = open.map_or(0, |part| part.spots().len());
-        open.min(members + newcomers.len()) > filled
+        let with_them = roster.open_part_by(&known).map_or(0, |part| {
+            (part.room + newcomers.len()).min(part.target.spots().len())
+        });
+        with_them > filled
     }
 }
 
@@ -551,11 +550,6 @@ fn except<'a>(
         let find = others.binary_search_by_key(&blocked.spot, |other| other.spot);
         find.is_err()
     })
-}
-
-fn active(roster: &Roster) -> impl Iterator<Item = &RosterMember> {
-    let members = roster.members.iter();
-    members.filter(|member| member.service == Service::Active)
 }
 
 #[cfg(test)]

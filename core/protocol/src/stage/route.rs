@@ -133,6 +133,13 @@ impl Route {
         step > self.own().joint_steps
     }
 
+    /// Whether another module takes the joint steps together with this one.
+    pub fn moves_jointly_with(&self, other: ModuleId) -> bool {
+        let joint = |unit: &&UnitMotion| self.own().joint_with.contains(&unit.lead);
+        let mut units = self.units().iter().filter(joint);
+        units.any(|unit| unit.modules.iter().any(|one| one.module == other))
+    }
+
     /// Whether other modules wait for the end of this step.
     pub fn is_awaited(&self, step: u32) -> bool {
         let unit = self.own();

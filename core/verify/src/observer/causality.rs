@@ -8,6 +8,7 @@ use petgraph::graphmap::DiGraphMap;
 use petgraph::visit::{Dfs, Reversed};
 
 use super::claims::replay_claims;
+use super::end_state::disagreement;
 use super::record::{Act, PlannedEpoch};
 use crate::Violation;
 use crate::plan::filled_parts;
@@ -234,11 +235,14 @@ impl<'a> Acts<'a> {
     /// Whether every module that has to move published that it does. The lead of the first unit alone carries the proof of
     /// agreement, and units do not wait for each other to set off, so that this lead may end before it publishes.
     fn all_have_moved(&self) -> bool {
-        let holders = replay_claims(self.planned).replay.spots;
-        let problem = self.planned.problem;
-        let to_fill = problem.fillable_count();
+        let claimed = replay_claims(self.planned);
+        let (_, turns) = disagreement(self.planned);
+        let holders = claimed.replay.spots;
+        let to_fill = self.planned.problem.fillable_count();
         let mut modules = holders.keys();
-        holders.len() == to_fill
+        // A claim that did not arrive may have given a spot to another.
+        turns.is_some_and(|turns| turns <= claimed.turns)
+            && holders.len() == to_fill
             && modules.all(|&module| self.is_pinned(module) || self.moved.contains_key(&module))
     }
 

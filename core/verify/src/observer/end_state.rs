@@ -206,15 +206,11 @@ impl<'a> EndState<'a> {
         silence: Duration,
         violations: &mut Vec<Violation>,
     ) {
+        let gone = self.gone(now, silence);
         let others = self.modules.iter();
         let mut bodies: Vec<(ModuleId, Pose)> = others
-            .filter(|(module, _)| !self.settled.contains_key(module))
-            .filter_map(|(&module, record)| {
-                let (incarnation, pose, last) = record.body()?;
-                let is_silent = last.is_none_or(|last| now.saturating_sub(last) > silence);
-                let is_gone = is_silent && self.is_elsewhere(module, incarnation, &pose);
-                (!is_gone).then_some((module, pose))
-            })
+            .filter(|(module, _)| !self.settled.contains_key(module) && !gone.contains(module))
+            .filter_map(|(&module, record)| Some((module, record.body()?.0.pose)))
             .collect();
         let other_sessions = self.other_sessions.iter();
         let other_sessions = other_sessions.filter(|&(module, &(incarnation, _))| {
@@ -236,15 +232,40 @@ impl<'a> EndState<'a> {
         }
     }
 
+    /// The silent modules whose bodies need not stand where they were last seen.
+    fn gone(&self, now: Duration, silence: Duration) -> BTreeSet<ModuleId> {
+        let is_silent =
+            |last: Option<Duration>| last.is_none_or(|last| now.saturating_sub(last) > silence);
+        let bodies = self.modules.values().filter_map(ModuleRecord::body);
+        let gone = bodies.filter(|&(state, last)| is_silent(last) && self.is_elsewhere(state));
+        gone.map(|(state, _)| state.module).collect()
+    }
+
+    /// The modules whose heartbeats have ended, and of which the roster does not say that their bodies stand where they were last seen:
+    /// later plans may have let them move on.
+    pub(super) fn out_of_sight(&self, now: Duration, silence: Duration) -> BTreeSet<ModuleId> {
+        let listed = &self.planned.roster.roster.bodies;
+        let is_listed = |state: &ModuleState| {
+            let body = listed.iter().find(|body| body.module == state.module);
+            body.is_some_and(|body| *body.whereabouts.poses() == [state.pose])
+        };
+        let has_ended =
+            |last: Option<Duration>| last.is_some_and(|last| now.saturating_sub(last) > silence);
+        let bodies = self.modules.values().filter_map(ModuleRecord::body);
+        let unseen = bodies.filter(|&(state, last)| has_ended(last) && !is_listed(state));
+        unseen.map(|(state, _)| state.module).collect()
+    }
+
     /// Whether the body of this run was removed, or the roster does not list it right where its latest state shows it: then it was on
     /// its way, or states of it did not arrive.
     /// Enforces V4.
-    fn is_elsewhere(&self, module: ModuleId, incarnation: Incarnation, pose: &Pose) -> bool {
+    fn is_elsewhere(&self, latest: &ModuleState) -> bool {
+        let (module, incarnation, pose) = (latest.module, latest.incarnation, latest.pose);
         let mut bodies = self.planned.roster.roster.bodies.iter();
         bodies.any(|body| {
             body.module == module
                 && body.incarnation >= incarnation
-                && *body.whereabouts.poses() != [*pose]
+                && *body.whereabouts.poses() != [pose]
         }) || self.is_removed(module, incarnation)
     }
 
@@ -295,7 +316,7 @@ impl<'a> EndState<'a> {
 }
 
 /// The members that have not shown the plan that most members have shown, and the number of that plan's turns.
-fn disagreement(planned: PlannedEpoch<'_>) -> (BTreeSet<ModuleId>, Option<u32>) {
+pub(super) fn disagreement(planned: PlannedEpoch<'_>) -> (BTreeSet<ModuleId>, Option<u32>) {
     let mut shown: BTreeMap<Digest, BTreeMap<ModuleId, u32>> = BTreeMap::new();
     for member in planned.members() {
         for (&digest, plan) in planned.shown_by(member).into_iter().flatten() {

@@ -44,8 +44,10 @@ impl Observer {
     /// The verdict at this time; if the time is up, whatever is missing.
     pub(super) fn judge_at(&mut self, now: Duration, is_late: bool) -> Option<Verdict> {
         let missing = self.missing(now);
-        if missing.is_empty() || is_late {
-            self.received.bodies.settle();
+        if missing.is_empty() || is_late && !self.is_reviewed {
+            self.settle_bodies(now, Duration::ZERO);
+        } else if is_late {
+            self.settle_bodies(now, self.parameters.silence);
         }
         if !missing.is_empty() {
             (self.reached_since, self.breached_since) = (None, None);
@@ -74,6 +76,15 @@ impl Observer {
         let members = verdict.assignments.len() + verdict.unassigned.len();
         let is_short = self.expected_count().is_some_and(|count| members < count);
         (is_final || !is_short).then_some(verdict)
+    }
+
+    /// Judges what met modules that stood where they were last seen, if no other state of them has come within `patience`.
+    pub(super) fn settle_bodies(&mut self, now: Duration, patience: Duration) {
+        let newest = self.received.newest();
+        let out_of_sight = newest.map_or_else(BTreeSet::new, |planned| {
+            EndState::new(&self.received, planned).out_of_sight(now, self.parameters.silence)
+        });
+        self.received.bodies.settle(now, patience, &out_of_sight);
     }
 
     /// Whether the members of the newest roster are to stand still, by the latest command that any of them shows.

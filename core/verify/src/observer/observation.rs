@@ -99,6 +99,7 @@ impl Observer {
 
     /// The verdict if the time were up now: FAILED with whatever is missing.
     pub fn final_verdict(&mut self, now: Duration) -> Verdict {
+        self.settle_bodies(now, Duration::ZERO);
         let verdict = self.judge_at(now, true);
         verdict.unwrap_or_else(|| self.report(now, self.missing(now), None))
     }

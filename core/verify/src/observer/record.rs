@@ -128,13 +128,13 @@ impl ModuleRecord {
         }
     }
 
-    /// The newest run that published a state, where it was last seen, and when its latest heartbeat was received.
-    pub(super) fn body(&self) -> Option<(Incarnation, Pose, Option<Duration>)> {
-        let shown = self.runs.iter().filter_map(|(&incarnation, run)| {
+    /// The latest state of the newest run that published one, and when its latest heartbeat was received.
+    pub(super) fn body(&self) -> Option<(&ModuleState, Option<Duration>)> {
+        let shown = self.runs.values().filter_map(|run| {
             let last = run.last_heartbeat.map(|(_, received)| received);
-            Some((incarnation, run.latest.as_ref()?.pose, last))
+            Some((&**run.latest.as_ref()?, last))
         });
-        shown.max_by(|(one, ..), (other, ..)| self.compare_runs(*one, *other))
+        shown.max_by(|(one, _), (other, _)| self.compare_runs(one.incarnation, other.incarnation))
     }
 
     /// The latest state of a member's run, unless a later run has replaced it.

@@ -141,8 +141,7 @@ impl Acting {
             }
             return Continuation::Wait;
         }
-        let is_apart = route.is_apart(step);
-        let was_apart = self.steps_done > 0 && route.is_apart(self.steps_done);
+        let begins_apart = step == 1 || route.is_apart(step) && !route.is_apart(self.steps_done);
         if self.task == Task::Waiting {
             match self.held.place {
                 Some(place) => {
@@ -157,7 +156,7 @@ impl Acting {
             }
             context.mark_state_changed();
         }
-        if is_apart && !was_apart {
+        if begins_apart {
             self.task = Task::Undocking;
             return Continuation::Again;
         }
@@ -217,11 +216,16 @@ impl Acting {
         })
     }
 
-    /// The links that this module gives up before it leaves; those of its spot stay if it stands on it already.
+    /// The links that this module gives up before its next step; those of its spot stay if it stands on it already, and those to
+    /// modules that take the joint steps with it until these are done. A module that makes way takes none with the others.
     fn broken_links(&self, context: &Context) -> BTreeSet<ModuleId> {
         let stays = self.steps() == self.steps_done;
+        let route = self.held.motion.route.as_ref();
+        let joint = route.filter(|route| !route.is_apart(self.steps_done + 1));
         context.links_except(|link| {
-            self.held.keeps_link_to(link) || stays && self.held.ends_linked_to(link)
+            self.held.keeps_link_to(link)
+                || joint.is_some_and(|route| route.moves_jointly_with(link))
+                || stays && self.held.ends_linked_to(link)
         })
     }
 

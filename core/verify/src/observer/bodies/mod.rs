@@ -59,6 +59,8 @@ enum Promise {
 struct Suspicion {
     segment: Segment,
     standing: ModuleId,
+    /// Since when a verdict could say so.
+    due_since: Option<Duration>,
 }
 
 /// Where the modules of a session were, as far as they published it.
@@ -116,9 +118,29 @@ impl Bodies {
         }
     }
 
-    /// No more states are to come: modules stand where they stood last.
-    pub(super) fn settle(&mut self) {
-        for Suspicion { segment, standing } in std::mem::take(&mut self.suspicions) {
+    /// A verdict is due: modules stand where they stood last, but for those that are out of sight, if no other state has come within
+    /// `patience`, as their states may be on the way.
+    pub(super) fn settle(
+        &mut self,
+        now: Duration,
+        patience: Duration,
+        out_of_sight: &BTreeSet<ModuleId>,
+    ) {
+        let (due, waiting): (Vec<_>, Vec<_>) = std::mem::take(&mut self.suspicions)
+            .into_iter()
+            .partition(|one| one.due_since.unwrap_or(now).saturating_add(patience) <= now);
+        let waiting = waiting.into_iter().map(|one| Suspicion {
+            due_since: Some(one.due_since.unwrap_or(now)),
+            ..one
+        });
+        self.suspicions = waiting.collect();
+        for Suspicion {
+            segment, standing, ..
+        } in due
+        {
+            if out_of_sight.contains(&standing) {
+                continue;
+            }
             let track = self.tracks.get(&standing);
             if let Some(rest) = track.and_then(|track| track.rest(standing, segment.leg.end)) {
                 self.compare(&segment, &rest);
@@ -223,6 +245,7 @@ impl Bodies {
         meets.then(|| Suspicion {
             segment: segment.clone(),
             standing: rest.module,
+            due_since: None,
         })
     }
 

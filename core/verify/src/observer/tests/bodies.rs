@@ -151,6 +151,68 @@ fn a_module_that_left_in_time_is_not_run_into() {
     outsider.further.clear();
 }
 
+/// A module seems to be in the way by its last state. It is if it goes on to send heartbeats without another, or if a later roster lists
+/// its body there; otherwise it may have left, and its states are late or lost.
+/// Shows V5.
+#[test]
+fn a_module_that_is_not_seen_to_leave_may_have_left_while_it_is_out_of_sight() {
+    let passing = [
+        (1, 1_000, 0, 10, Moving, 0),
+        (1, 2_000, 40, 10, Standing, 4),
+        (2, 100, 20, 10, Standing, 0),
+    ];
+    let leaving = [(2, 500, 20, 10, Moving, 0), (2, 1_000, 20, 20, Standing, 1)];
+    let early = on_paths(&passing);
+    let all = on_paths(&[&passing[..], &leaving].concat());
+    let found_after = |further: &[Message], lives: bool| {
+        let is_of_two = |violation: &&Violation| violation.to_string().contains("overlap by");
+        let mut observer = observe(&early.messages(), ObserverParameters::default());
+        let limit = observer.poll_timeout().unwrap();
+        let violations = &observer.review(limit).unwrap().violations;
+        assert_eq!(violations.iter().filter(is_of_two).count(), 0, "too early");
+        for message in further {
+            observer.handle(limit, message);
+        }
+        let mut now = limit;
+        for beat in 13.. {
+            now += Duration::from_secs(1);
+            if lives {
+                observer.handle(now, &Message::Heartbeat(heartbeat(2, beat, 10)));
+            }
+            observer.review(now);
+            if now >= 3 * limit {
+                break;
+            }
+        }
+        let violations = &observer.verdict(now).unwrap().violations;
+        violations.iter().filter(is_of_two).count()
+    };
+    let roster_with = |whereabouts: Whereabouts| {
+        let mut roster = all.roster();
+        roster.epoch.number += 1;
+        let left = roster.members.remove(1);
+        roster.bodies.push(BodyReport {
+            module: left.module.id,
+            incarnation: left.incarnation,
+            epoch: Some(EPOCH),
+            sequence: 1,
+            whereabouts,
+        });
+        let plan = RosterMessage::Plan(Arc::new(roster.into()));
+        vec![Message::Roster(plan)]
+    };
+    let states = all.states.iter().cloned().map(Arc::new);
+    let states: Vec<Message> = states.map(Message::ModuleState).collect();
+    assert_eq!(found_after(&[], false), 0);
+    assert_eq!(found_after(&states, false), 0);
+    assert_eq!(found_after(&states, true), 0);
+    assert_eq!(found_after(&[], true), 1);
+    let way = Whereabouts::OnTheWay(Polyline::line(pose(2, 1), pose(2, 2)));
+    assert_eq!(found_after(&roster_with(way), false), 0);
+    let halted = Whereabouts::Halted(pose(2, 1));
+    assert_eq!(found_after(&roster_with(halted), false), 1);
+}
+
 /// Its drive halted by itself, nobody knows where.
 #[test]
 fn between_two_states_of_a_process_that_was_stopped_nothing_is_judged() {
