@@ -31,8 +31,8 @@ fn what_is_generated_passes_the_check() {
             "23 modules (4 configurations, 3 singletons); 30 spots (tree)",
         ),
         (
-            "--modules 60 --spots 60 --configuration-size 10 --seed 18446744073709551615",
-            "60 spots (tree)",
+            "--modules 1000 --spots 1000 --configuration-size 10 --seed 18446744073709551615",
+            "1000 spots (tree)",
         ),
     ] {
         let output = generate(arguments);
@@ -52,6 +52,20 @@ fn what_is_generated_passes_the_check() {
         assert!(check.status.success(), "{arguments}");
         assert!(summary.trim_end().ends_with(expected), "{summary}");
     }
+    // The largest is valid as well, but where starts may touch there are no paths.
+    let seed = u64::MAX;
+    let largest = generate(&format!(
+        "--modules 10000 --spots 10000 --configuration-size 10 --touching --seed {seed}"
+    ));
+    fs::write(&path, &largest.stdout).unwrap();
+    let check = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .arg("check")
+        .arg(&path)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(check.stderr).unwrap();
+    let reason = format!("error: {}: no module would move: starts: ", path.display());
+    assert!(stderr.contains(&reason), "{stderr}");
     assert_ne!(
         generate("--modules 9 --spots 9 --seed 1").stdout,
         generate("--modules 9 --spots 9 --seed 2").stdout

@@ -347,10 +347,10 @@ fn forms_without(links: &[(u32, u32)], modules: u32, seed: u64) -> bool {
     trial.cluster.run_until(end, has_formed)
 }
 
-/// Modules find by trial which of them to leave out, and may not find it in time: all but one in twenty runs form.
+/// Modules find by trial which of them to leave out.
 /// Shows E6, B4.
 #[test]
-fn links_that_never_carry_anything_keep_few_from_forming() {
+fn links_that_never_carry_anything_keep_none_from_forming() {
     let one = [(3, 1), (5, 6), (2, 4)].map(|link| (vec![link], 6));
     let several = [(vec![(5, 2), (2, 5), (4, 5)], 7)];
     let two = [
@@ -359,13 +359,12 @@ fn links_that_never_carry_anything_keep_few_from_forming() {
         (vec![(2, 3), (5, 1)], 6),
         (vec![(2, 5), (6, 1)], 7),
     ];
-    let (mut runs, mut formed) = (0, 0);
     for (links, modules) in one.into_iter().chain(several).chain(two) {
         for seed in 0..10 {
-            runs += 1;
-            formed += u32::from(forms_without(&links, modules, seed));
+            assert!(
+                forms_without(&links, modules, seed),
+                "seed {seed}: {links:?}"
+            );
         }
     }
-    println!("{formed} of {runs} runs");
-    assert!(formed * 20 >= runs * 19, "{formed} of {runs} runs");
 }

@@ -42,7 +42,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 12] = [
         ViolationKind::ConfigurationMemberEvicted,
     ),
     (Mutation::CountDeadAsAlive, 0, ViolationKind::NoEnd),
-    (Mutation::IgnoreNewcomers, 1, ViolationKind::Hole),
+    (Mutation::IgnoreNewcomers, 32, ViolationKind::Hole),
     (Mutation::IgnoreBodies, 1, ViolationKind::BodiesOverlap),
 ];
 
@@ -109,19 +109,35 @@ fn the_verifier_reports_bugs_by_the_messages_alone() {
         };
         run_seed(&parameters, seed).unwrap()
     };
-    let (mut seen, mut reported) = (0, 0);
-    for seed in 0..40 {
-        let report = run(Some(Mutation::SkipWaits), seed);
-        let has = |kind| report.violations.iter().any(|one| one.kind == kind);
-        assert!(!has(ViolationKind::MissedByVerifier), "seed {seed}");
-        if has(ViolationKind::BodiesOverlap) {
-            seen += 1;
-            reported += u32::from(!report.reported.is_empty());
+    for (mutation, kind) in [
+        (
+            Mutation::SkipDigestBarrier,
+            ViolationKind::MotionWithoutAgreement,
+        ),
+        (Mutation::SkipWaits, ViolationKind::BodiesOverlap),
+    ] {
+        let (mut seen, mut reported) = (0, 0);
+        for seed in 0..40 {
+            let report = run(Some(mutation), seed);
+            let has = |kind| report.violations.iter().any(|one| one.kind == kind);
+            assert!(!has(ViolationKind::MissedByVerifier), "seed {seed}");
+            if has(kind) {
+                seen += 1;
+                reported += u32::from(!report.reported.is_empty());
+            }
         }
+        println!("{mutation:?}: {reported} of {seen} runs");
+        // Bodies that overlap by no more than their clearance and the error of the clocks are no contact to an observer.
+        let most = if kind == ViolationKind::BodiesOverlap {
+            seen / 2 + 1
+        } else {
+            seen
+        };
+        assert!(
+            seen > 0 && reported >= most,
+            "{mutation:?}: {reported} of {seen} runs"
+        );
     }
-    println!("{reported} of {seen} runs");
-    // Bodies that overlap by less than the clearance are no contact to an observer.
-    assert!(reported * 2 > seen, "{reported} of {seen} runs");
     for seed in 0..40 {
         let report = run(None, seed);
         assert!(

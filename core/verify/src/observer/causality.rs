@@ -7,8 +7,7 @@ use petgraph::algo::kosaraju_scc;
 use petgraph::graphmap::DiGraphMap;
 use petgraph::visit::{Dfs, Reversed};
 
-use super::claims::replay_claims;
-use super::end_state::disagreement;
+use super::claims::{disagreement, replay_claims};
 use super::record::{Act, PlannedEpoch};
 use crate::Violation;
 use crate::plan::filled_parts;

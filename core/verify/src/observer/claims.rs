@@ -1,10 +1,12 @@
 //! The spots that the claims of one epoch give out.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use super::record::{PlannedEpoch, ReceivedClaim};
 use crate::Violation;
 use crate::replay::Replay;
+use formation_model::{Digest, ModuleId};
 
 /// The claims of one epoch, replayed up to the first gap.
 pub(super) struct Claimed {
@@ -87,4 +89,21 @@ fn choose_rival(
 fn is_from_member(planned: PlannedEpoch<'_>, rival: &ReceivedClaim) -> bool {
     let run = rival.claim.claimant.run(rival.claim.incarnation);
     planned.members().iter().any(|member| member.run() == run)
+}
+
+/// The members that have not shown the plan that most members have shown, and the number of that plan's turns.
+pub(super) fn disagreement(planned: PlannedEpoch<'_>) -> (BTreeSet<ModuleId>, Option<u32>) {
+    let mut shown: BTreeMap<Digest, BTreeMap<ModuleId, u32>> = BTreeMap::new();
+    for member in planned.members() {
+        for (&digest, plan) in planned.shown_by(member).into_iter().flatten() {
+            let agreeing = shown.entry(digest).or_default();
+            agreeing.insert(member.module.id, plan.turns);
+        }
+    }
+    let common = shown.into_values().max_by_key(BTreeMap::len);
+    let agreeing = common.unwrap_or_default();
+    let members = planned.members().iter().map(|member| member.module.id);
+    let disagreeing = members.filter(|module| !agreeing.contains_key(module));
+    let disagreeing = disagreeing.collect();
+    (disagreeing, agreeing.into_values().max())
 }

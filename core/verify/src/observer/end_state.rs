@@ -3,15 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::claims::{Claimed, replay_claims};
+use super::claims::{Claimed, disagreement, replay_claims};
 use super::parameters::ObserverParameters;
 use super::received::Received;
 use super::record::{ModuleRecord, PlannedEpoch};
 use crate::plan::check_filled;
 use crate::{Missing, Violation};
 use formation_model::{
-    Digest, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose,
-    SpotId, Whereabouts,
+    Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, SpotId,
+    Whereabouts,
 };
 
 /// A body nearer to a spot than this stands on it: half the width of a module.
@@ -313,21 +313,4 @@ impl<'a> EndState<'a> {
             }
         }
     }
-}
-
-/// The members that have not shown the plan that most members have shown, and the number of that plan's turns.
-pub(super) fn disagreement(planned: PlannedEpoch<'_>) -> (BTreeSet<ModuleId>, Option<u32>) {
-    let mut shown: BTreeMap<Digest, BTreeMap<ModuleId, u32>> = BTreeMap::new();
-    for member in planned.members() {
-        for (&digest, plan) in planned.shown_by(member).into_iter().flatten() {
-            let agreeing = shown.entry(digest).or_default();
-            agreeing.insert(member.module.id, plan.turns);
-        }
-    }
-    let common = shown.into_values().max_by_key(BTreeMap::len);
-    let agreeing = common.unwrap_or_default();
-    let members = planned.members().iter().map(|member| member.module.id);
-    let disagreeing = members.filter(|module| !agreeing.contains_key(module));
-    let disagreeing = disagreeing.collect();
-    (disagreeing, agreeing.into_values().max())
 }
