@@ -67,8 +67,7 @@ fn bad_input_is_reported_in_one_line_before_anything_starts() {
         ),
         (
             format!("--module 7 --scenario {close} --motion external"),
-            "starts: module 7 and module 8 are too close; robots move along paths only, as they could run into each other \
-             in straight lines: place these modules further apart",
+            "starts: module 7 and module 8 are too close: place these modules further apart",
         ),
     ] {
         let output = agent("1", &arguments).output().unwrap();

@@ -49,7 +49,8 @@ singletons: [{id: 1, x: 0, y: 0}, {id: 2, x: 0.5, y: 0}]
     let run = run_in_world(&ScenarioFile::new("near_robots", near), &[]);
     assert_eq!(run.status, 2, "{}", run.stderr);
     assert!(
-        run.stderr.contains("robots move along paths only"),
+        run.stderr
+            .contains("starts: module 1 and module 2 are too close"),
         "{}",
         run.stderr
     );

@@ -34,7 +34,10 @@ singletons: [{id: 1, x: 0, y: 0}, {id: 2, x: 0.5, y: 0}]
 ";
     let file = ScenarioFile::new("near", near);
     let said = refusal(&["--scenario", file.path()]);
-    assert!(said.contains("robots move along paths only"), "{said}");
+    assert!(
+        said.contains("starts: module 1 and module 2 are too close"),
+        "{said}"
+    );
     let file = ScenarioFile::new("block", EIGHT);
     let said = refusal(&["--scenario", file.path(), "--drive", "differential"]);
     assert!(said.contains("modules 1-3 are docked"), "{said}");

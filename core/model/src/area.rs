@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FieldError, MICRO_PER_UNIT, MicroUnits, Pose, Spot};
+use crate::{FieldError, MICRO_PER_UNIT, MicroUnits, Spot};
 
 /// A rectangle with sides along the axes of the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,15 +72,6 @@ impl Area {
         Self {
             low: (x - half, y - half),
             high: (x + half, y + half),
-        }
-    }
-
-    /// Its middle.
-    pub(crate) fn middle(&self) -> Pose {
-        Pose {
-            x: MicroUnits(self.low.0.0.midpoint(self.high.0.0)),
-            y: MicroUnits(self.low.1.0.midpoint(self.high.1.0)),
-            theta: MicroUnits::ZERO,
         }
     }
 

@@ -1,8 +1,7 @@
 //! The bodies of modules that take no part in a plan, and the spots that they block.
 //!
 //! A body stands where it was last seen. That its module is silent, or that its process ended, removes no body; a removal
-//! report does. A body **covers** a spot if it may stand nearer to the spot than half a unit, which is half the width of a
-//! module.
+//! report does. A spot is blocked if a body may reach into its cell.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -14,7 +13,7 @@ use crate::{
     polyline,
 };
 
-/// A body that is nearer to a spot than this covers it.
+/// A body that may stand nearer to a place than this is counted there.
 pub const COVERING_DISTANCE: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
 
 /// A body that stands no farther than this from where a report says that it may stand is where that says: what is measured twice
@@ -34,7 +33,7 @@ pub enum Whereabouts {
     /// The same, as a part of a block or of a group that comes onto the lattice: the others may be where it was, where it is to be, or
     /// above it in a fold.
     InBlock(Polyline),
-    /// It stands here: it has settled, stays where it is, or its turn to move cannot have come.
+    /// It stands here: it has settled, stays where it is, or cannot have set off.
     Halted(Pose),
     /// It was reported as removed.
     Removed,

@@ -46,19 +46,17 @@ impl BodyForm {
         if let [pose] = path {
             return self.standing(pose);
         }
-        // Bodies of any heading overlap if they are nearer than their width.
-        let is_free = |area: &Area| {
-            let middle = area.middle();
-            let mut others = others.iter();
-            others.all(|other| other.distance_to(&middle) >= self.width)
-        };
         let spacing = MicroUnits(MICRO_PER_UNIT / 2);
         // What a report says cannot make a plan take more memory than there is.
         let is_sampled = polyline::length(path) <= PATH_SAMPLED_MAX && known < AREAS_SAMPLED_MAX;
         let lines = polyline::lines(path);
         if is_sampled {
-            let sampled = lines.flat_map(|ends| Area::along_line(ends, self.width, spacing));
-            sampled.filter(is_free).collect()
+            // Bodies of any heading overlap if they are nearer than their width.
+            let areas = lines.flat_map(|ends| {
+                let parts = polyline::parts_away_from(ends, others, self.width).into_iter();
+                parts.flat_map(move |part| Area::along_line(ends, part, self.width, spacing))
+            });
+            areas.collect()
         } else {
             let around = lines.map(|ends| Area::around_line(ends, self.width));
             around.collect()

@@ -105,19 +105,21 @@ impl Area {
         }
     }
 
-    /// What a body of this width may cover on the line between two poses, in rectangles around places at most `spacing` apart.
+    /// What a body of this width may cover on a part of the line between two poses, in rectangles around places at most `spacing`
+    /// apart.
     pub fn along_line(
-        (from, to): (&Pose, &Pose),
+        ends: (&Pose, &Pose),
+        part: (Pose, Pose),
         width: MicroUnits,
         spacing: MicroUnits,
     ) -> Vec<Self> {
-        let area_of = Self::of_body_between((from, to));
-        let ends = [*from, *to];
-        let poses = polyline::sampled(&ends, spacing);
+        let area_of = Self::of_body_between(ends);
+        let ends_of_part: [Pose; 2] = part.into();
+        let poses = polyline::sampled(&ends_of_part, spacing);
         poses.map(|pose| area_of(&pose, width)).collect()
     }
 
-    /// The rectangle around all that.
+    /// The rectangle around all that a body of this width may cover on the line between two poses.
     pub fn around_line((from, to): (&Pose, &Pose), width: MicroUnits) -> Self {
         let area_of = Self::of_body_between((from, to));
         area_of(from, width).joined(&area_of(to, width))
@@ -175,7 +177,8 @@ mod tests {
         let reach = |from, to| Area::around_line((&from, &to), width).high.1.to_units();
         assert!((reach(pose(0.0, 0.0), pose(2.0, 0.0)) - 0.45).abs() < 0.001);
         assert!((reach(pose(0.0, 0.0), pose(0.0, 3.0)) - 0.636).abs() < 0.001);
-        let along = Area::along_line((&pose(0.0, 0.0), &pose(0.0, 3.0)), width, width);
+        let line = (pose(0.0, 0.0), pose(0.0, 3.0));
+        let along = Area::along_line((&line.0, &line.1), line, width, width);
         assert!(along.iter().all(|area| area.high.1.to_units() > 0.636));
     }
 }

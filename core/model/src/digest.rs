@@ -180,6 +180,10 @@ pub fn of_problem(problem: &PlanningProblem) -> Digest {
             canonical.signed(coordinate.0);
         }
     }
+    for module in problem.making_room() {
+        canonical.identifier(Some(module.id.0));
+        put_placement(&mut canonical, module);
+    }
     canonical.finish()
 }
 

@@ -30,12 +30,6 @@ fn open_part(
         .clone()
         .filter_map(|member| target.position_of(member.module.pin?))
         .collect();
-    if blocked.is_empty() {
-        return Some(OpenPart {
-            target: Arc::clone(target),
-            room: target.spots().len().min(active.count()),
-        });
-    }
     let parts = target.topology().components_within(|position| {
         let spot = target.spots()[position].id;
         let find = blocked.binary_search_by_key(&spot, |blocked| blocked.spot);

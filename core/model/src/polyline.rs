@@ -113,6 +113,66 @@ pub fn sampled(poses: &[Pose], spacing: MicroUnits) -> impl Iterator<Item = Pose
     })
 }
 
+/// Into how many parts other places divide a line at most; if they would divide it into more, none does.
+const PARTS_MAX: usize = 64;
+
+/// The parts of the line between two poses that are no nearer to any of some places than a distance, or a few micro-units longer.
+pub fn parts_away_from(
+    (from, to): (&Pose, &Pose),
+    places: &[Pose],
+    distance: MicroUnits,
+) -> Vec<(Pose, Pose)> {
+    let length = i128::from(from.distance_to(to).0);
+    if length == 0 {
+        let mut places = places.iter();
+        let is_away = places.all(|place| from.distance_to(place) >= distance);
+        return Vec::from_iter(is_away.then_some((*from, *to)));
+    }
+    let line = offset(from, to);
+    let near = places.iter().filter_map(|place| {
+        let to_place = offset(from, place);
+        let progress = (line.0 * to_place.0 + line.1 * to_place.1) / length;
+        // Rounded such that the part that is left out is not longer than it is.
+        let across = (line.0 * to_place.1 - line.1 * to_place.0).abs() / length + 1;
+        let half = (i128::from(distance.0).pow(2) - across.pow(2))
+            .max(0)
+            .isqrt()
+            - 2;
+        (half > 0).then_some((progress - half, progress + half))
+    });
+    let mut parts = vec![(0, length)];
+    for (first, last) in near {
+        let cut = parts.into_iter().flat_map(|(begin, end)| {
+            let (before, after) = ((begin, end.min(first)), (begin.max(last), end));
+            let is_left = |part: &(i128, i128)| part.0 <= part.1;
+            [Some(before), Some(after).filter(|_| last <= end)]
+                .into_iter()
+                .flatten()
+                .filter(is_left)
+        });
+        parts = cut.collect();
+        if parts.len() > PARTS_MAX {
+            return vec![(*from, *to)];
+        }
+    }
+    let at = |along: i128| {
+        let between = |from: MicroUnits, way: i128| {
+            MicroUnits(from.0 + i64::try_from(way * along / length).unwrap_or_default())
+        };
+        match along {
+            0 => *from,
+            _ if along == length => *to,
+            _ => Pose {
+                x: between(from.x, line.0),
+                y: between(from.y, line.1),
+                theta: from.theta,
+            },
+        }
+    };
+    let ends = parts.into_iter().map(|(begin, end)| (at(begin), at(end)));
+    ends.collect()
+}
+
 /// The distance of a point from the nearest of the lines between poses; `None` if there is no pose.
 pub fn distance(point: &Pose, poses: &[Pose]) -> Option<MicroUnits> {
     let distances = lines(poses).map(|(from, to)| distance_to_line(point, from, to));
@@ -164,6 +224,30 @@ mod tests {
         let (far, corner) = (at(-1.0e6, -1.0e6), at(1.0e6, 1.0e6));
         let off = distance_to_line(&at(1.0e6, -1.0e6), &far, &corner);
         assert!((off.to_units() - 1_414_213.562).abs() < 1.0e-2);
+    }
+
+    #[test]
+    fn what_is_near_other_places_is_cut_out_of_a_line() {
+        let parts = |places: &[Pose]| {
+            let (from, to) = (at(0.0, 0.0), at(4.0, 3.0));
+            let parts = parts_away_from((&from, &to), places, MicroUnits(900_000));
+            let along = |pose: &Pose| (from.distance_to(pose).to_units() * 1_000.0).round();
+            let parts = parts.iter().map(|(begin, end)| (along(begin), along(end)));
+            parts.collect::<Vec<_>>()
+        };
+        let all = [(0.0, 5_000.0)];
+        assert_eq!(parts(&[]), all);
+        assert_eq!(parts(&[at(2.5, 0.5), at(-1.0, 0.0), at(6.0, 4.0)]), all);
+        assert_eq!(parts(&[at(1.6, 1.2)]), [(0.0, 1_100.0), (2_900.0, 5_000.0)]);
+        assert_eq!(parts(&[at(4.0, 3.0)]), [(0.0, 4_100.0)]);
+        assert_eq!(parts(&[at(0.0, 0.0)]), [(900.0, 5_000.0)]);
+        let two = parts(&[at(1.6, 1.2), at(2.4, 1.8)]);
+        assert_eq!(two, [(0.0, 1_100.0), (3_900.0, 5_000.0)]);
+        let beside = parts(&[at(2.18, 2.26)]);
+        assert_eq!(beside, [(0.0, 2_352.0), (3_848.0, 5_000.0)]);
+        let here = at(1.0, 1.0);
+        let nowhere = parts_away_from((&here, &here), &[at(1.5, 1.0)], MicroUnits(900_000));
+        assert_eq!(nowhere, []);
     }
 
     #[test]

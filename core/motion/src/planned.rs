@@ -24,8 +24,9 @@ impl PlannedMotion {
     /// Enforces X7.
     #[must_use]
     pub fn of(problem: &PlanningProblem, plan: Plan) -> (Self, Plan) {
-        match problem.of_all_that_move() {
-            Ok(all) if !problem.making_room().is_empty() => {
+        let all = (!problem.making_room().is_empty()).then(|| problem.of_all_that_move());
+        match all {
+            Some(Ok(all)) => {
                 // Those that make room for others take no spot themselves.
                 let is_right = |plan: &Plan| {
                     let mut holders = plan.assignments.keys();

@@ -73,7 +73,7 @@ singletons: [{id: 1, x: 0, y: 0}]
 singletons: [{id: 1, x: 5, y: 0}, {id: 2, x: 8, y: 0}]
 obstacles: [{x: 8.8, y: 0, width: 1, height: 1}]
 ",
-            "starts: module 2 is on an obstacle or beyond the walls",
+            "starts: module 2 is on an obstacle or another body, or beyond the walls",
         ),
     ];
     for (text, expected) in cases {

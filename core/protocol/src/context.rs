@@ -322,10 +322,11 @@ impl Context {
     /// The drive or a port failed, or took too long: the module takes no spot until it receives the command to rejoin.
     /// Enforces X4.
     pub fn fail_motion(&mut self, spot: Option<SpotId>) {
+        self.robot.kept_by = None;
         self.cannot_move(Event::MotionFailed(spot));
     }
 
-    /// The module cannot move, for the reason in the event: it takes no spot until it receives the command to rejoin.
+    /// The module cannot move, for the reason in the event, and takes no spot.
     pub fn cannot_move(&mut self, reason: Event) {
         self.leave_spot();
         if self.robot.service != Service::MotionFailed {

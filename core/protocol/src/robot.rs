@@ -66,6 +66,14 @@ impl Robot {
         self.pose_at = SenderTime(now);
     }
 
+    /// Whether a later run takes part in plans: one that found no path finds out again.
+    pub fn lasting_service(&self) -> Service {
+        match self.kept_by {
+            Some(_) => Service::Active,
+            None => self.service,
+        }
+    }
+
     /// When it had its pose, and what its drive does since then.
     pub fn drive_state(&self, now: Duration) -> (SenderTime, DriveState) {
         match self.moving {

@@ -77,7 +77,7 @@ impl Agent {
             highest: context.session.highest_epoch(),
             knows: context.session.knows(),
             voters: context.session.voters().clone(),
-            service: context.robot.service,
+            service: context.robot.lasting_service(),
             // A module that sets off leaves its spot once this is stored.
             settled_on: context
                 .robot
@@ -99,7 +99,7 @@ impl Agent {
             shows_digest: self.stage.held_plan().is_some(),
             knows: self.context.session.knows(),
             votes_removed: self.context.session.votes_removed(),
-            service: body.service,
+            service: body.lasting_service(),
             settled_on: body.settled_on,
             stands_at: (!body.moving).then_some(body.pose),
             links: body.links.clone(),

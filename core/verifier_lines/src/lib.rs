@@ -59,7 +59,7 @@ pub struct VerdictReport {
     pub acting_ms: Option<u64>,
     /// How many messages of each kind were received.
     pub counts: Counts,
-    /// Whether modules moved along paths only, and no bodies overlapped.
+    /// Whether no bodies overlapped, and that was judged of all modules.
     #[serde(default = "yes")]
     pub collision_free: bool,
     /// Why they were not free of collisions.
@@ -145,7 +145,7 @@ impl From<&Verdict> for VerdictReport {
             acting_ms: between(timings.first_moving, timings.completed),
             timings_ms: timings.into(),
             counts: verdict.counts,
-            collision_free: verdict.collision_risk.is_none(),
+            collision_free: verdict.collision_risk.is_none() && verdict.unjudged.is_empty(),
             collision_reason: verdict.collision_risk.map(|risk| risk.to_string()),
             not_judged: unjudged(verdict),
         }

@@ -46,7 +46,7 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
             )));
         }
     }
-    // The acting order is not compared: agents whose modules move along paths give up an order that walls a spot in.
+    // The acting order is not compared: agents give up an order that walls a spot in, as their modules move along paths.
     let chosen = |plan: &Plan| {
         (
             plan.assignments.clone(),

@@ -57,7 +57,7 @@ pub struct RunVerdict {
     pub open_spots: Vec<SpotId>,
     /// What was done wrong or not in time, one sentence each.
     pub violations: Vec<String>,
-    /// Whether modules moved along paths only, and no bodies overlapped.
+    /// Whether no bodies overlapped.
     pub collision_free: bool,
 }
 

@@ -53,7 +53,7 @@ pub struct RunReport {
     /// The time limit, if the run ended because the time was up.
     #[serde(rename = "timed_out", serialize_with = "is_some")]
     time_limit: Option<Duration>,
-    /// Whether modules moved along paths only, and no bodies overlapped; `None` where modules only agree.
+    /// Whether no bodies overlapped; `None` where modules only agree.
     collision_free: Option<bool>,
     collision_reason: Option<String>,
     /// The modules of which it is not known whether they touched others, and for how long.

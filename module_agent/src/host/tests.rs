@@ -486,7 +486,7 @@ fn bodies_are_found_again_for_a_new_plan_and_a_new_spot_and_not_for_each_stop() 
     // With a plan and the same spot, what differs is that it has set off or stopped.
     let moves = |pair: &&[DurableState]| {
         let mut bodies = pair[0].bodies.iter();
-        let has_plan = bodies.any(|body| matches!(body.whereabouts, Whereabouts::OnTheWay(_)));
+        let has_plan = bodies.any(|body| matches!(body.whereabouts, Whereabouts::InBlock(_)));
         has_plan && pair[0].settled_on == pair[1].settled_on
     };
     assert!(states.windows(2).any(|pair| moves(&pair)), "{states:?}");

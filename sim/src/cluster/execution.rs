@@ -35,6 +35,11 @@ impl Cluster {
                     self.input(run.module, Input::Computed(computed));
                 }
             }
+            Some(Happening::Undocked(run, other)) => {
+                if self.process_of(run).is_some() {
+                    self.input(run.module, Input::Motion(MotionReport::Undocked(other)));
+                }
+            }
             None => return false,
         }
         true
@@ -279,6 +284,11 @@ impl Cluster {
                     if let Some(process) = self.processes.get_mut(&module) {
                         process.agent.handle(local, Input::Motion(report));
                     }
+                }
+                Output::Undock(other) if self.parameters.undocking > Duration::ZERO => {
+                    let run = process.run;
+                    let at = now + self.parameters.undocking;
+                    self.schedule.add(at, Happening::Undocked(run, other));
                 }
                 Output::Undock(other) => {
                     let report = Input::Motion(MotionReport::Undocked(other));

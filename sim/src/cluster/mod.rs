@@ -73,6 +73,8 @@ pub struct ClusterParameters {
     pub plan_time_max: Option<Duration>,
     /// If set, a drive moves on for up to this time after its last goal, as that of a robot does. Otherwise it halts with its agent.
     pub coasting: Option<Duration>,
+    /// How long ports take to let go.
+    pub undocking: Duration,
 }
 
 impl Default for ClusterParameters {
@@ -89,6 +91,7 @@ impl Default for ClusterParameters {
             is_new_session: true,
             plan_time_max: None,
             coasting: None,
+            undocking: Duration::ZERO,
         }
     }
 }

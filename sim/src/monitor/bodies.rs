@@ -1,27 +1,21 @@
 //! No two bodies on one spot, over the whole run and whatever plans there were: judged from where the robots are, and of which
 //! of them the members of a plan had received a state.
 //!
-//! A robot is where its drive is, or where its crashed process left it, until it is taken away. Drives pass through each
-//! other, and robots start anywhere; so a robot is not judged while it moves, where it was halted or failed on its way, or
-//! while it has a spot of its own to go to in the same plan. Nor is one judged that was on its spot before the plan: another
-//! may have ended in passing it.
+//! A robot is where its drive is, or where its crashed process left it, until it is taken away. A robot is not judged while
+//! it moves, where it was halted or failed on its way, or while it has a spot of its own to go to in the same plan. Nor is one judged
+//! that was on its spot before the plan: hands may have put another there.
 
 use std::collections::BTreeSet;
-use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use formation_model::{
-    MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target,
-    Whereabouts,
+    ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target, Whereabouts,
 };
 
-use super::covering::{Outline, is_covered, is_on};
+use super::covering::{is_covered, is_on};
 use super::ways::cut_off;
 use super::{Monitor, ViolationKind, member};
 use crate::cluster::Cluster;
-
-/// Into how many parts a line is divided.
-const LINE_PARTS: i64 = 64;
 
 impl Monitor {
     /// A module settles, or stands by without a spot: no other one stands on the same spot.
@@ -130,18 +124,14 @@ impl Monitor {
 pub fn blocks_all(target: &Target, bodies: impl Iterator<Item = Whereabouts>) -> bool {
     let lines: Vec<(Pose, Pose)> = bodies.flat_map(|body| lines_of(&body)).collect();
     let mut spots = target.spots().iter();
-    spots.all(|spot| is_covered(&spot.pose, &lines, target, Outline::Box))
+    spots.all(|spot| is_covered(&spot.pose, &lines, target))
 }
 
-/// The greatest number of connected spots that the active members of a roster can fill: without those that the bodies cover
-/// which it lists, and those of members that cannot move, and by those alone that have a way. Pinned members stay, so with pins, spots
-/// connected to theirs count.
+/// The number of connected spots that the active members of a roster can surely fill: without those that the bodies may cover which
+/// it lists, and those of members that cannot move, and by those alone that have a way. Of a body that is turned against the axes,
+/// the box around it counts. Pinned members stay, so with pins, spots connected to theirs count.
 #[must_use]
-pub fn room(roster: &Roster, target: &Target, active: usize) -> RangeInclusive<usize> {
-    room_by(roster, target, active, Outline::Box)..=room_by(roster, target, active, Outline::Exact)
-}
-
-fn room_by(roster: &Roster, target: &Target, active: usize, outline: Outline) -> usize {
+pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
     let failed = roster
         .members
         .iter()
@@ -149,12 +139,7 @@ fn room_by(roster: &Roster, target: &Target, active: usize, outline: Outline) ->
         .map(|member| (member.module.pose, member.module.pose));
     let absent = roster.bodies.iter();
     let absent = absent.filter(|body| member(roster, body.module).is_none());
-    let measured = roster.members.iter().map(|member| member.module.pose);
-    let measured: Vec<Pose> = measured.collect();
-    let absent = absent.flat_map(|body| match (&body.whereabouts, outline) {
-        (Whereabouts::OnTheWay(_), Outline::Exact) => lines_past(&body.whereabouts, &measured),
-        _ => lines_of(&body.whereabouts),
-    });
+    let absent = absent.flat_map(|body| lines_of(&body.whereabouts));
     let lines: Vec<(Pose, Pose)> = failed.chain(absent).collect();
     let held: Vec<SpotId> = roster
         .members
@@ -164,7 +149,7 @@ fn room_by(roster: &Roster, target: &Target, active: usize, outline: Outline) ->
         .collect();
     let is_open = |position: usize| {
         let spot = target.spots()[position];
-        held.contains(&spot.id) || !is_covered(&spot.pose, &lines, target, outline)
+        held.contains(&spot.id) || !is_covered(&spot.pose, &lines, target)
     };
     let mut left: Vec<usize> = (0..target.spots().len())
         .filter(|&one| is_open(one))
@@ -186,37 +171,11 @@ fn room_by(roster: &Roster, target: &Target, active: usize, outline: Outline) ->
                 .iter()
                 .map(|&position| target.spots()[position].pose)
                 .collect();
-            let cut_off = cut_off(roster, target, &part, &lines, outline);
+            let cut_off = cut_off(roster, target, &part, &lines);
             most = most.max(part.len().min(active.saturating_sub(cut_off)));
         }
     }
     most
-}
-
-/// The parts of the lines on which a body may stand a unit away from modules that are measured: what reaches into their cells by no more
-/// than the clearance is no contact.
-fn lines_past(whereabouts: &Whereabouts, measured: &[Pose]) -> Vec<(Pose, Pose)> {
-    let is_apart = |pose: &Pose| {
-        measured
-            .iter()
-            .all(|other| pose.distance_to(other) >= MicroUnits::ONE)
-    };
-    let parts = lines_of(whereabouts).into_iter().flat_map(|(from, to)| {
-        let at = move |part: i64| {
-            let along = |from: MicroUnits, to: MicroUnits| {
-                MicroUnits(from.0 + (to.0 - from.0) * part / LINE_PARTS)
-            };
-            Pose {
-                x: along(from.x, to.x),
-                y: along(from.y, to.y),
-                theta: along(from.theta, to.theta),
-            }
-        };
-        (0..LINE_PARTS).map(move |part| (at(part), at(part + 1)))
-    });
-    parts
-        .filter(|(from, to)| is_apart(from) && is_apart(to))
-        .collect()
 }
 
 /// The lines on which a body may stand.

@@ -49,7 +49,7 @@ pub(super) struct ContactWatch {
     tracks: BTreeMap<ModuleId, Track>,
     /// The pairs that were found to overlap, which are reported once; a module and itself for an obstacle.
     found: BTreeSet<(ModuleId, ModuleId)>,
-    /// The pairs that a hand made meet, or that met as parts of one body, until they part.
+    /// The pairs that a hand made meet, that met as parts of one body, or of which one did not know of the other, until they part.
     excused: BTreeSet<(ModuleId, ModuleId)>,
 }
 
@@ -98,8 +98,8 @@ impl Monitor {
         }
     }
 
-    /// Compares a leg with the bodies of the members of its plan, with those that its roster lists, and with those of which a member
-    /// had received a state, if it is part of a path.
+    /// Compares a leg with all bodies, if it is part of a path. It counts against the members of its plan, those that its roster lists,
+    /// and those of which a member had received a state.
     fn compare(
         &mut self,
         module: ModuleId,
@@ -118,8 +118,9 @@ impl Monitor {
         let body = Body::of(target.map_or(&plain, |target| target.surroundings()));
         let mut found = Vec::new();
         let listed = known.roster.bodies.iter().map(|body| body.module);
-        let others = known.members.iter().chain(&known.seen).copied();
-        for other in others.chain(listed).collect::<BTreeSet<ModuleId>>() {
+        let known = known.members.iter().chain(&known.seen).copied();
+        let known: BTreeSet<ModuleId> = known.chain(listed).collect();
+        for other in cluster.modules() {
             let pair = (module.min(other), module.max(other));
             if other == module || self.bodies.found.contains(&pair) {
                 continue;
@@ -128,7 +129,8 @@ impl Monitor {
                 continue;
             };
             let track = self.bodies.tracks.get(&other);
-            let is_docked = exempt.contains(&other)
+            let is_excused = !known.contains(&other)
+                || exempt.contains(&other)
                 || track.is_some_and(|track| track.docked.contains(&module));
             let meets = match track {
                 None => meet(&leg, &Leg::at_rest(Duration::ZERO, leg.end, stands), body),
@@ -142,7 +144,7 @@ impl Monitor {
                         .any(|other| meet(&leg, other, body))
                 }
             };
-            if meets && is_docked {
+            if meets && is_excused {
                 self.bodies.excused.insert(pair);
             } else if meets {
                 found.push(pair);

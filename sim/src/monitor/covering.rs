@@ -10,43 +10,12 @@ const HALF_WIDTH_UNITS: f64 = 0.5;
 /// Poses are whole millionths of a unit.
 const ROUNDING_UNITS: f64 = 1e-6;
 
-/// How much of a standing body that is turned against the axes counts.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Outline {
-    /// The box around it.
-    Box,
-    /// Nothing but itself. What modules take it for lies between the two.
-    Exact,
-}
-
 /// Whether bodies on these lines keep all others off a spot.
-pub(super) fn is_covered(
-    spot: &Pose,
-    lines: &[(Pose, Pose)],
-    target: &Target,
-    outline: Outline,
-) -> bool {
+pub(super) fn is_covered(spot: &Pose, lines: &[(Pose, Pose)], target: &Target) -> bool {
     let width = target.surroundings().body_width().to_units();
-    let stands = |(from, to): &(Pose, Pose)| from == to && outline == Outline::Exact;
-    lines.iter().any(|line| match stands(line) {
-        true => stands_in_cell(spot, &line.0, width),
-        false => {
-            is_near_line(spot, &line.0, &line.1)
-                || reaches_into_cell(spot, (&line.0, &line.1), width)
-        }
+    lines.iter().any(|(from, to)| {
+        is_near_line(spot, from, to) || reaches_into_cell(spot, (from, to), width)
     })
-}
-
-/// Whether a square body of this width overlaps the cell of a spot: no side of either parts them.
-fn stands_in_cell(spot: &Pose, body: &Pose, width: f64) -> bool {
-    let ((x, y), (body_x, body_y)) = (units(spot), units(body));
-    let (right, up) = (body_x - x, body_y - y);
-    let (sine, cosine) = body.theta.to_units().sin_cos();
-    let spread = sine.abs() + cosine.abs();
-    let (along, across) = (right * cosine + up * sine, up * cosine - right * sine);
-    let of_cell = HALF_WIDTH_UNITS + spread * width / 2.0 - ROUNDING_UNITS;
-    let of_body = width / 2.0 + spread * HALF_WIDTH_UNITS - ROUNDING_UNITS;
-    right.abs().max(up.abs()) < of_cell && along.abs().max(across.abs()) < of_body
 }
 
 /// Whether a square body of this width that goes from one pose to another comes into the cell of a spot, whose sides are one unit.

@@ -130,10 +130,10 @@ impl Monitor {
             }
         }
         let wanted = room(&known.roster, target, active);
-        if !wanted.contains(&filled.len()) {
+        if filled.len() < wanted {
             return Part::Hole {
                 filled: filled.len(),
-                wanted: *wanted.end(),
+                wanted,
             };
         }
         match undocked(cluster, target, &filled) {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use formation_model::{MICRO_PER_UNIT, MicroUnits, Pose, Roster, Service, Target};
 
-use super::covering::{Outline, is_covered};
+use super::covering::is_covered;
 
 /// How far around everything ways may lead, in cells.
 const MARGIN: i64 = 2;
@@ -18,7 +18,6 @@ pub(super) fn cut_off(
     target: &Target,
     part: &[Pose],
     lines: &[(Pose, Pose)],
-    outline: Outline,
 ) -> usize {
     let Some(origin) = part.first().filter(|_| !lines.is_empty()) else {
         return 0;
@@ -53,7 +52,7 @@ pub(super) fn cut_off(
             y: MicroUnits(origin.y.0 + up * MICRO_PER_UNIT),
             theta: MicroUnits::ZERO,
         };
-        let is_clear = !is_covered(&pose, &lines, target, outline);
+        let is_clear = !is_covered(&pose, &lines, target);
         across.contains(&right) && along.contains(&up) && is_clear
     };
     let around = |(right, up): Cell| {
@@ -71,11 +70,5 @@ pub(super) fn cut_off(
         let next: Vec<Cell> = next.filter(|cell| seen.insert(*cell)).collect();
         waiting.extend(next);
     }
-    // No other body is where a member is measured, but it may reach into the cell. One between cells may leave by each of them.
-    let has_way = |&&(right, up): &&Cell| {
-        let near = (-1..=1).flat_map(|x| (-1..=1).map(move |y| (right + x, up + y)));
-        let mut near = near.filter(|_| outline == Outline::Exact);
-        seen.contains(&(right, up)) || near.any(|cell| seen.contains(&cell))
-    };
-    starts.len() - starts.iter().filter(has_way).count()
+    starts.len() - starts.iter().filter(|start| seen.contains(*start)).count()
 }

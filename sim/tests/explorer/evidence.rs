@@ -61,7 +61,7 @@ impl Evidence {
 fn room_of(roster: &Roster) -> usize {
     let target = roster.target.target.as_ref();
     let active = RosterMember::active(&roster.members).count();
-    target.map_or(0, |target| *room(roster, target, active).end())
+    target.map_or(0, |target| room(roster, target, active))
 }
 
 impl World {
@@ -200,7 +200,12 @@ impl World {
         let is_full = epoch.is_some_and(|epoch| {
             let members = self.evidence.rosters.get(&epoch);
             let are_members = members.is_some_and(|members| members.len() == live.len());
-            are_members && self.evidence.rooms.get(&epoch) == Some(&spots.len())
+            are_members
+                && self
+                    .evidence
+                    .rooms
+                    .get(&epoch)
+                    .is_some_and(|&room| spots.len() >= room)
         });
         // No roster is closed while no spot is free.
         let is_over = plans.len() == 1 && is_full || self.all_is_blocked(target, &live);

@@ -80,8 +80,8 @@ pub enum StartFault {
     /// The module is docked to others but not on a common lattice with the first of them.
     #[error("{0} is docked but off the lattice of {1}")]
     OffGroup(ModuleId, ModuleId),
-    /// The module stands on an obstacle or beyond the walls.
-    #[error("{0} is on an obstacle or beyond the walls")]
+    /// The module stands on an obstacle, on the body of a module that takes no part, or beyond the walls.
+    #[error("{0} is on an obstacle or another body, or beyond the walls")]
     Covered(ModuleId),
 }
 
@@ -139,7 +139,7 @@ impl MotionError {
                     .iter()
                     .all(|fault| matches!(fault, StartFault::Covered(_))) =>
             {
-                "place these modules clear of obstacles and within the walls"
+                "place these modules clear of obstacles and other bodies, and within the walls"
             }
             Self::Starts(_) => {
                 "place these modules further apart, so that each can turn without touching another (`formation generate \

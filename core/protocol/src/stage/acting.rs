@@ -9,10 +9,10 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
-    DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId,
+    DriveState, ModuleId, ModulePhase, ModuleState, Pose, RosterMember, SenderTime, Service, SpotId,
 };
 use formation_motion::MotionGoal;
-use formation_motion::paths::MotionError;
+use formation_motion::paths::{MotionError, Obstruction};
 
 use super::super::context::Context;
 use super::super::event::Event;
@@ -30,7 +30,7 @@ use on_paths::Advance;
 pub(super) enum Task {
     /// It has no spot, and has made way if others needed its place.
     Spare,
-    /// Its unit's turn has not come.
+    /// Its unit waits for others.
     Waiting,
     /// It undocks the links that the plan breaks.
     Undocking,
@@ -325,23 +325,58 @@ impl Acting {
         if !is_concerned {
             return None;
         }
-        let is_in_the_way = || self.held.making_room().contains(&own);
-        let is_unit = |modules: &[ModuleId]| {
-            // Those that make room leave before the others.
-            modules.contains(&own) && self.held.making_room().is_empty()
-        };
         match error {
             MotionError::Starts(_) => {
                 fault_of(own, error, &self.held.roster).map(Event::InvalidStart)
             }
-            MotionError::Unreachable { .. } if is_in_the_way() => {
-                Some(Event::CannotMakeWay(error.clone()))
+            MotionError::Unreachable {
+                modules, reason, ..
+            } => {
+                let in_the_way = self.in_the_way(modules, reason);
+                if in_the_way.contains(&own) {
+                    return Some(Event::CannotMakeWay(error.clone()));
+                }
+                // Those that are in the way leave before the others.
+                let leaves = in_the_way.is_empty() && modules.contains(&own);
+                leaves.then(|| Event::CannotReach(error.clone()))
             }
-            MotionError::Unreachable { modules, .. } if is_unit(modules) => {
-                Some(Event::CannotReach(error.clone()))
+            MotionError::TooManyCorners(module) => {
+                (*module == own).then(|| Event::CannotReach(error.clone()))
+            }
+            MotionError::FieldTooLarge(_) => {
+                let is_farthest = self.farthest() == Some(own);
+                is_farthest.then(|| Event::CannotReach(error.clone()))
             }
             _ => None,
         }
+    }
+
+    /// The retired members that keep a unit from its spots: those of them that the reason names, or all if others than obstacles may be
+    /// in the way and it names none.
+    fn in_the_way(&self, unit: &[ModuleId], reason: &Obstruction) -> Vec<ModuleId> {
+        let making_room = self.held.making_room().into_iter();
+        let (named, is_by_modules) = match reason {
+            Obstruction::NoPassing(named) => (&named[..], true),
+            Obstruction::WalledIn(_) | Obstruction::Full => (&[][..], true),
+            Obstruction::Obstacles | Obstruction::NoTurn | Obstruction::NoExit => (&[][..], false),
+        };
+        let (blamed, others): (Vec<_>, Vec<_>) =
+            making_room.partition(|module| unit.contains(module) || named.contains(module));
+        match blamed.is_empty() && is_by_modules {
+            true => others,
+            false => blamed,
+        }
+    }
+
+    /// The member without a pin that is farthest from the target, of equals the highest.
+    fn farthest(&self) -> Option<ModuleId> {
+        let target = self.held.roster.target.target.as_ref()?;
+        let spot = target.spots().first()?;
+        let members = RosterMember::active(&self.held.roster.members);
+        let free = members.filter(|member| member.module.pin.is_none());
+        let far = free
+            .max_by_key(|member| (member.module.pose.distance_to(&spot.pose), member.module.id));
+        far.map(|member| member.module.id)
     }
 
     /// Stays on its spot. It undocks from modules that the target does not have there, such as a failed neighbour, and docks to

@@ -248,7 +248,7 @@ fn judge(planned: &PlannedTurns, claim: &SpotClaim) -> Result<(), Refusal> {
     }
 }
 
-/// Reports, as the convener, why modules do not move along paths.
+/// Reports, as the convener, why modules do not move.
 fn report_motion(motion: &PlannedMotion, epoch: Epoch, context: &mut Context) {
     if epoch.convener != context.module() {
         return;

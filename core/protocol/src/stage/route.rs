@@ -17,9 +17,9 @@ pub(crate) type PathPlace<'a> = (&'a UnitMotion, &'a ModuleMotion);
 #[derive(Clone)]
 pub(super) struct HeldMotion {
     pub planned: Arc<PlannedMotion>,
-    /// This module's part, if modules move along paths.
+    /// This module's part, if there are paths.
     pub route: Option<Route>,
-    /// Along paths: the unit of each module, and its position in that.
+    /// The unit of each module in the paths, and its position in that.
     index: BTreeMap<ModuleId, (usize, usize)>,
     /// The other members that are measured off their ways.
     pub off_path: BTreeMap<ModuleId, OffPath>,
@@ -133,11 +133,14 @@ impl Route {
         step > self.own().joint_steps
     }
 
-    /// Whether another module takes the joint steps together with this one.
-    pub fn moves_jointly_with(&self, other: ModuleId) -> bool {
-        let joint = |unit: &&UnitMotion| self.own().joint_with.contains(&unit.lead);
-        let mut units = self.units().iter().filter(joint);
-        units.any(|unit| unit.modules.iter().any(|one| one.module == other))
+    /// The modules that take a step as one body, with this one.
+    pub fn companions(&self, step: u32) -> BTreeSet<ModuleId> {
+        let own = self.own();
+        let joint =
+            |unit: &&UnitMotion| !self.is_apart(step) && own.joint_with.contains(&unit.lead);
+        let units = self.units().iter().filter(joint).chain([own]);
+        let modules = units.flat_map(|unit| &unit.modules);
+        modules.map(|one| one.module).collect()
     }
 
     /// Whether other modules wait for the end of this step.

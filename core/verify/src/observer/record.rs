@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use crate::Violation;
 use formation_model::{
-    BODY_WIDTH, BodyReport, CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation,
-    MODULES_MAX, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState, PlanningProblem, Pose,
-    RosterMember, SpotClaim, SpotId, Stop, TURNS_MAX, Whereabouts,
+    BodyReport, CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX,
+    MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState, PlanningProblem, Pose, RosterMember,
+    SpotClaim, SpotId, Stop, TURNS_MAX, Whereabouts,
 };
 
 /// The greatest number of runs of one module that are kept, the latest ones.
@@ -314,11 +314,12 @@ impl<'a> PlannedEpoch<'a> {
     pub(super) fn knows_body(&self, module: ModuleId, was_at: &dyn Fn(Pose) -> bool) -> bool {
         let roster = &self.roster.roster;
         let mut bodies = roster.bodies.iter();
+        let width = self.problem.target().surroundings().body_width();
         // A single module on its way is not where another one is measured.
         let may_be_at = |body: &BodyReport, pose: Pose| {
             let mut members = roster.members.iter();
             !matches!(body.whereabouts, Whereabouts::OnTheWay(_))
-                || members.all(|member| member.module.pose.distance_to(&pose) >= BODY_WIDTH)
+                || members.all(|member| member.module.pose.distance_to(&pose) >= width)
         };
         RosterMember::find(&roster.members, module).is_some()
             || bodies.any(|body| {

@@ -175,18 +175,9 @@ fn waiting(watched: &Watched, style: Style) -> Vec<String> {
         };
     };
     let ids = numbers(first);
-    let is_one = first.len() == 1;
-    let now = match (watched.is_acting(), is_one) {
-        (true, _) => {
-            let spots = numbers(&watched.spots_of(first));
-            if is_one {
-                format!("{ids} goes to spot {spots}")
-            } else {
-                format!("{ids} go to spots {spots}")
-            }
-        }
-        (false, true) => format!("{ids} decides"),
-        (false, false) => format!("{ids} decide"),
+    let now = match first.len() {
+        1 => format!("{ids} decides"),
+        _ => format!("{ids} decide"),
     };
     let mut lines = vec![format!("  {}   {now}", style.paint("now", Paint::Bold))];
     for (index, pair) in queue.windows(2).take(WAITING_MAX).enumerate() {

@@ -155,15 +155,6 @@ impl Watched {
             (None, None) => false,
         }
     }
-
-    /// The spots of some modules by the claims so far, ascending.
-    pub fn spots_of(&self, modules: &[ModuleId]) -> Vec<SpotId> {
-        let holders = self.scene.holders().iter();
-        holders
-            .filter(|(_, holder)| modules.contains(holder))
-            .map(|(&spot, _)| spot)
-            .collect()
-    }
 }
 
 /// Numbers for a narrow terminal: `1-4, 7`.

@@ -91,7 +91,7 @@ impl Acting {
                 let broken = self.broken_links(context);
                 if !broken.is_empty() {
                     context.undock(broken);
-                } else if may_begin {
+                } else if may_begin && self.have_companions_undocked(context) {
                     return self.leave(context);
                 }
                 Continuation::Wait
@@ -217,16 +217,37 @@ impl Acting {
     }
 
     /// The links that this module gives up before its next step; those of its spot stay if it stands on it already, and those to
-    /// modules that take the joint steps with it until these are done. A module that makes way takes none with the others.
+    /// modules that take the step with it. A module that makes way takes none with the others.
+    /// Enforces X2.
     fn broken_links(&self, context: &Context) -> BTreeSet<ModuleId> {
         let stays = self.steps() == self.steps_done;
         let route = self.held.motion.route.as_ref();
-        let joint = route.filter(|route| !route.is_apart(self.steps_done + 1));
+        let is_apart = route.is_none_or(|route| route.is_apart(self.steps_done + 1));
+        let companions = self.companions();
         context.links_except(|link| {
             self.held.keeps_link_to(link)
-                || joint.is_some_and(|route| route.moves_jointly_with(link))
+                || !is_apart && companions.contains(&link)
                 || stays && self.held.ends_linked_to(link)
         })
+    }
+
+    /// The modules that take the next step as one body, with this one.
+    fn companions(&self) -> BTreeSet<ModuleId> {
+        let route = self.held.motion.route.as_ref();
+        route.map_or_else(BTreeSet::new, |route| route.companions(self.steps_done + 1))
+    }
+
+    /// Whether all that take the next step as one body are docked to no other module: else they would be torn.
+    /// Enforces X2.
+    fn have_companions_undocked(&self, context: &Context) -> bool {
+        let companions = self.companions();
+        let undocked = |&module: &ModuleId| {
+            let state = context.peers.state(module);
+            state.is_none_or(|state| state.links.is_subset(&companions))
+        };
+        let own = context.module();
+        let others = companions.iter().filter(|&&module| module != own);
+        self.steps() == self.steps_done || others.into_iter().all(undocked)
     }
 
     /// A step has ended. Returns whether other modules should know this at once.
