@@ -20,7 +20,7 @@ pub struct TraceFile<W: Write = BufWriter<File>> {
     written: BTreeMap<ModuleId, (Incarnation, u64)>,
 }
 
-/// One line. From one line of a module to its next it moves straight on; after its last one it stands.
+/// One line. From one line of a module to its next it moves on; after its last one it stands.
 #[derive(Debug, Serialize)]
 struct Line<'a> {
     /// When the module had the pose, by the clock of its process: seconds since 1970.

@@ -62,12 +62,12 @@ impl Drive {
     /// The velocity that it wants at `from`.
     pub fn towards(&mut self, from: &Pose, goal: &Pose) -> Twist {
         match self.kind {
-            DriveKind::Holonomic => self.straight_towards(from, goal),
+            DriveKind::Holonomic => self.directly_towards(from, goal),
             DriveKind::Differential => self.ahead_towards(from, goal),
         }
     }
 
-    fn straight_towards(&self, from: &Pose, goal: &Pose) -> Twist {
+    fn directly_towards(&self, from: &Pose, goal: &Pose) -> Twist {
         let path = goal.translation - from.translation;
         let linear = path.normalize_or_zero() * self.approach_speed(path.length());
         Twist {

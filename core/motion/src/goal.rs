@@ -9,7 +9,7 @@ pub struct MotionGoal {
     pub pose: Pose,
     /// The longest distance that a module of the same unit has to travel, so that a block arrives together.
     pub unit_distance: MicroUnits,
-    /// The point about which the module turns with its unit; `None` if it goes straight.
+    /// The point about which the module turns with its unit; `None` if it goes on a line.
     pub pivot: Option<Pose>,
 }
 

@@ -132,7 +132,7 @@ impl SimulatedDrive {
         });
     }
 
-    /// An outside hand puts the module there. On its way, it goes on to its goal straight from where it is now.
+    /// An outside hand puts the module there. On its way, it goes on to its goal from where it is now.
     pub fn put(&mut self, now: Duration, pose: Pose) -> impl Iterator<Item = MotionReport> {
         let before = self.advance(now);
         let before = before.filter(|report| !matches!(report, MotionReport::Pose(_)));
@@ -204,7 +204,7 @@ fn leads_to(from: &Pose, pivot: &Pose, goal: &Pose) -> bool {
     end.distance_to(goal).to_units() < ARC_ERROR_UNITS
 }
 
-/// The pose at `share` (0 to 1) of the straight path, or of the arc about the pivot; the heading turns by the smaller
+/// The pose at `share` (0 to 1) of the line, or of the arc about the pivot; the heading turns by the smaller
 /// angle.
 fn between(from: &Pose, goal: &Pose, pivot: Option<Pose>, share: f64) -> Pose {
     let (start, end) = (from.to_isometry(), goal.to_isometry());
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_module_that_is_carried_on_its_way_goes_on_straight_from_where_it_is() {
+    fn a_module_that_is_carried_on_its_way_goes_on_from_where_it_is() {
         let from = Pose::from_units(3.0, 1.0, 0.0).unwrap();
         let mut drive = SimulatedDrive::new(from, 1.0, Duration::from_secs(60));
         let goal = MotionGoal {

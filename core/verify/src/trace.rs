@@ -1,4 +1,4 @@
-//! Judges where modules were, on its own: squares that move straight on from one moment of their module to its next. It uses
+//! Judges where modules were, on its own: squares that move on a line from one moment of their module to its next. It uses
 //! nothing of the observer, so it cannot share a fault with the planner, the agents or the rest of this crate.
 
 use std::collections::{BTreeMap, BTreeSet};

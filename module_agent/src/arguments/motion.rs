@@ -11,7 +11,7 @@ use ros_runtime::words::Words;
 /// What moves the modules.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DriveMode {
-    /// This process, as if each module went straight to its goal.
+    /// This process, as if each module drove as it should.
     #[default]
     Simulated,
     /// A driver for each module, such as that of a robot, over topics.
@@ -67,7 +67,7 @@ impl Tunables for Motion {
                 "motion",
                 choice("MODE"),
                 |own: &mut Self| &mut own.mode,
-                "What moves the modules: this process, as if each went straight to its goal, or a driver for each",
+                "What moves the modules: this process, as if each drove as it should, or a driver for each",
             )
             .at_start(SET_UP),
             Tunable::new(

@@ -55,7 +55,7 @@ impl HeldPlan {
         let next = if stands { done } else { done + 1 };
         let to = member.waypoints[last.min(next)].pose;
         let across = polyline::distance(pose, &[from, to])?;
-        // A drive may go straight where its unit turns about a centre, or along the arc.
+        // Where its unit turns about a centre, a drive may take the chord or the arc.
         let way = unit.poses_after(done, member).skip(1);
         let way = way.take_while(|pose| *pose != to);
         let arc = way.filter_map(|bend| polyline::distance(&bend, &[from, to]));

@@ -2,7 +2,7 @@
 //! times of their senders.
 //!
 //! A module publishes a state at every corner, begin and stop of its motion, and where it enters cells for which it waited.
-//! Between two states that follow each other it moves straight on, so its body is known at every moment. Judged is what modules do
+//! Between two states that follow each other it moves on a line, so its body is known at every moment. Judged is what modules do
 //! by a plan, and not how a hand or a drive without one moves them.
 //!
 //! The later of two runs is that of the higher number. If states of the other one come after it, either they are late, or the
