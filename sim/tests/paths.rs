@@ -8,13 +8,14 @@ use std::time::Duration;
 use formation_generate::Apart;
 use formation_model::{Message, ModuleId, Scenario, TargetAnnouncement};
 use formation_motion::MotionReport;
+use formation_motion::paths::MotionError;
 use formation_protocol::{Agent, EpochReason, Event, Input, Mutation, Output};
 use formation_sim::{
     AgentFactory, CampaignParameters, ClusterParameters, Ending, FaultKind, ViolationKind,
     run_seed, run_seeds,
 };
 
-use crate::support::{Trial, agent, run_all, scenario};
+use crate::support::{Trial, agent, run_all, scenario, settled};
 
 /// The number of seeds of each kind.
 fn seeds() -> u64 {
@@ -138,8 +139,7 @@ fn a_plan_is_made_again_when_the_body_is_gone_for_which_it_was_refused() {
     }
 }
 
-/// Twelve modules for ten spots; 11 and 12 stand too close, so one of them stays and is named, and the others form. `motion` is
-/// the planner's.
+/// Twelve modules for ten spots; 11 and 12 stand too close, so one of them stays and is named, and the others form.
 /// Shows X13.
 #[test]
 fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
@@ -170,6 +170,26 @@ fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
         }
     })
     .unwrap();
+}
+
+/// The cells between the farthest of four modules and the target are more than a plan may search.
+/// Shows X13.
+#[test]
+fn a_module_that_is_too_far_away_for_a_plan_leaves_service_and_the_others_form() {
+    let problem = scenario(
+        "target: {map: 'o-o-o'}
+singletons: [{id: 1, x: 0, y: 6}, {id: 2, x: 2, y: 6}, {id: 3, x: 4, y: 6}, {id: 4, x: 50000, y: 50000}]",
+    );
+    let mut trial = Trial::new(&problem, 3);
+    trial.until(|cluster| settled(cluster).len() == 3);
+    let cannot_reach =
+        |event: &Event| matches!(event, Event::CannotReach(MotionError::FieldTooLarge(_)));
+    assert_eq!(trial.count(cannot_reach), 1);
+    assert!(
+        settled(&trial.cluster)
+            .iter()
+            .all(|&(module, _)| module != ModuleId(4))
+    );
 }
 
 /// The first module of a pair dies on its way, and may be anywhere on the rest of that: also where the second one stands.
