@@ -7,12 +7,21 @@
 )]
 
 use std::fs;
+use std::path::Path;
 use std::process::{Command, Output};
 
 fn generate(arguments: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_formation"))
         .arg("generate")
         .args(arguments.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+fn check(path: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_formation"))
+        .arg("check")
+        .arg(path)
         .output()
         .unwrap()
 }
@@ -43,11 +52,7 @@ fn what_is_generated_passes_the_check() {
             "{arguments} gives two scenarios"
         );
         fs::write(&path, &output.stdout).unwrap();
-        let check = Command::new(env!("CARGO_BIN_EXE_formation"))
-            .arg("check")
-            .arg(&path)
-            .output()
-            .unwrap();
+        let check = check(&path);
         let summary = String::from_utf8(check.stdout).unwrap();
         assert!(check.status.success(), "{arguments}");
         assert!(summary.trim_end().ends_with(expected), "{summary}");
@@ -58,11 +63,7 @@ fn what_is_generated_passes_the_check() {
         "--modules 10000 --spots 10000 --configuration-size 10 --touching --seed {seed}"
     ));
     fs::write(&path, &largest.stdout).unwrap();
-    let check = Command::new(env!("CARGO_BIN_EXE_formation"))
-        .arg("check")
-        .arg(&path)
-        .output()
-        .unwrap();
+    let check = check(&path);
     let stderr = String::from_utf8(check.stderr).unwrap();
     let reason = format!("error: {}: no module would move: starts: ", path.display());
     assert!(stderr.contains(&reason), "{stderr}");
@@ -108,11 +109,7 @@ fn what_would_be_planned_for_minutes_is_refused_by_name() {
     let path = directory.path().join("generated.yaml");
     let output = generate("--modules 10000 --spots 10000 --touching --seed 1");
     fs::write(&path, &output.stdout).unwrap();
-    let check = Command::new(env!("CARGO_BIN_EXE_formation"))
-        .arg("check")
-        .arg(&path)
-        .output()
-        .unwrap();
+    let check = check(&path);
     assert_eq!(check.status.code(), Some(2));
     let stderr = String::from_utf8(check.stderr).unwrap();
     let expected = "modules: a plan for 10000 modules and 10000 spots may take 750 s, and real processes are given at \
