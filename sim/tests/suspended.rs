@@ -1,6 +1,6 @@
 //! Machines that are suspended with their clocks.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use std::time::Duration;
 
@@ -17,6 +17,16 @@ const KNOWN: Duration = Duration::from_secs(3);
 
 fn is_found(event: &Event) -> bool {
     matches!(event, Event::ClockStoodStill(_))
+}
+
+fn until_noted(trial: &mut Trial, wanted: impl Fn(&Event) -> bool) {
+    for _ in 0..6_000 {
+        if trial.count(&wanted) > 0 {
+            return;
+        }
+        trial.run_for(Duration::from_millis(10));
+    }
+    panic!("not within a minute:\n{}", trial.cluster.transcript());
 }
 
 /// The clock of one module, another each time, stops for half a minute once all have settled.
@@ -55,6 +65,44 @@ fn two_of_three_machines_that_were_suspended_both_begin_new_runs() {
     trial.cluster.suspend(ModuleId(2), SUSPENDED / 2);
     trial.run_for(SUSPENDED);
     trial.until(Cluster::has_formed);
+    assert_eq!(trial.count(is_found), 2);
+}
+
+/// Its new run has hardly heard the others when its machine is suspended again.
+/// Shows M8.
+#[test]
+fn a_machine_that_is_suspended_again_as_soon_as_it_woke_begins_another_run() {
+    for (turn, millis) in [150, 400, 1_400].into_iter().enumerate() {
+        let problem = drawn(5, 5, Grouping::Singletons, 6);
+        let mut trial = Trial::new(&problem, turn as u64);
+        trial.until_formed_again();
+        trial.run_for(KNOWN);
+        trial.cluster.suspend(ModuleId(3), SUSPENDED / 2);
+        until_noted(&mut trial, is_found);
+        trial.run_for(Duration::from_millis(millis));
+        trial.cluster.suspend(ModuleId(3), SUSPENDED);
+        trial.run_for(SUSPENDED);
+        trial.until_formed_again();
+        assert_eq!(trial.count(is_found), 2, "{millis}");
+    }
+}
+
+/// The other module begins a new run that is not let in yet when this one is suspended, so it compares itself with a clock that it
+/// has only heard.
+#[test]
+fn a_machine_that_is_suspended_while_it_refuses_the_new_run_of_another_begins_a_new_run() {
+    let problem = drawn(2, 2, Grouping::Singletons, 5);
+    let mut trial = Trial::new(&problem, 5);
+    trial.until_formed_again();
+    trial.run_for(KNOWN);
+    trial.cluster.suspend(ModuleId(1), SUSPENDED / 10);
+    until_noted(&mut trial, |event| {
+        matches!(event, Event::DuplicateModule(ModuleId(1)))
+    });
+    trial.run_for(Duration::from_millis(300));
+    trial.cluster.suspend(ModuleId(2), SUSPENDED);
+    trial.run_for(SUSPENDED);
+    trial.until_formed_again();
     assert_eq!(trial.count(is_found), 2);
 }
 

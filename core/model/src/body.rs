@@ -60,6 +60,15 @@ impl Whereabouts {
             Self::Removed => &[],
         }
     }
+
+    /// Whether a body is at the same place, within a limit, in whatever way that is known: what is known of a body that stands changes
+    /// its form from epoch to epoch.
+    #[must_use]
+    pub fn is_near(&self, other: &Self, limit: MicroUnits) -> bool {
+        let (one, other) = (self.poses(), other.poses());
+        let mut pairs = one.iter().zip(other);
+        one.len() == other.len() && pairs.all(|(one, other)| one.distance_to(other) <= limit)
+    }
 }
 
 /// What is known of the body of one module, or that it was removed.
@@ -136,4 +145,28 @@ pub fn account_for(reports: &[BodyReport], known: &BodyReport) -> bool {
     let spacing = polyline::length(path).0 / SAMPLES + MICRO_PER_UNIT / 2;
     let mut poses = polyline::sampled(path, MicroUnits(spacing));
     poses.all(|pose| is_listed(&pose))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f64) -> Pose {
+        Pose::from_units(x, 0.0, 0.0).unwrap()
+    }
+
+    #[test]
+    fn a_body_is_near_where_it_was_in_whatever_way_that_is_known() {
+        let limit = MicroUnits::from_units(0.1).unwrap();
+        let is_near = |one: &Whereabouts, other| one.is_near(&other, limit);
+        let seen = Whereabouts::Seen(at(1.0));
+        assert!(is_near(&seen, Whereabouts::Halted(at(1.05))));
+        assert!(!is_near(&seen, Whereabouts::Halted(at(1.2))));
+        assert!(!is_near(&seen, Whereabouts::Removed));
+        let line = |x| Polyline::line(at(1.0), at(x));
+        assert!(!is_near(&seen, Whereabouts::OnTheWay(line(2.0))));
+        let on_the_way = Whereabouts::OnTheWay(line(2.0));
+        assert!(is_near(&on_the_way, Whereabouts::InBlock(line(2.0))));
+        assert!(!is_near(&on_the_way, Whereabouts::InBlock(line(3.0))));
+    }
 }

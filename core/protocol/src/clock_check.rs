@@ -27,9 +27,9 @@ impl Context {
     fn gains_since(&self, since: Duration) -> Vec<Duration> {
         let own = self.own.source;
         let is_other = |peer: &&Peer| own.is_none() || peer.source != own;
-        let clocks = self.peers.all().filter(is_other).filter_map(Peer::clock);
+        let clocks = self.peers.all().filter(is_other).flat_map(Peer::clocks);
         let period = self.parameters.heartbeat;
-        let compared = clocks.filter(|clock| clock.is_known_at(since, period));
+        let compared = clocks.filter(|clock| clock.is_compared_at(since, period));
         compared.map(|clock| clock.gain_since(since)).collect()
     }
 }
@@ -45,8 +45,10 @@ impl Agent {
             heartbeat, lease, ..
         } = context.parameters;
         let limit = if holds_plan { heartbeat } else { lease };
-        let (since, clock) = (context.now, context.peers.get(module).and_then(Peer::clock));
-        let gain = clock.map_or(Duration::ZERO, |clock| clock.gain_since(since));
+        let since = context.now;
+        let clocks = context.peers.get(module).into_iter().flat_map(Peer::clocks);
+        let gain = clocks.map(|clock| clock.gain_since(since)).max();
+        let gain = gain.unwrap_or(Duration::ZERO);
         if gain <= limit || context.clock_doubt.is_some() {
             return false;
         }

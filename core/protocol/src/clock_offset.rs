@@ -8,6 +8,11 @@ const DRIFT_DIVISOR: u32 = 1_000;
 /// After this many periods between heartbeats the offset of a clock is taken for known.
 const PERIODS_KNOWN: u32 = 4;
 
+/// A gain of more than this many periods is no delay of a link that becomes faster while processes start. It needs to be told from
+/// a queue of first heartbeats alone, which comes within a fraction of a period.
+const PERIODS_LONG: u32 = 10;
+const QUEUE_DIVISOR: u32 = 8;
+
 /// The start of another run by this module's clock, in signed microseconds, as its least delayed heartbeat shows it.
 #[derive(Clone, Copy, Debug, Hash)]
 pub(super) struct ClockOffset {
@@ -36,8 +41,19 @@ fn micros(duration: Duration) -> i128 {
 }
 
 impl ClockOffset {
+    /// What is known with one more heartbeat; see [`Self::add`].
+    pub fn with(known: Option<Self>, now: Duration, uptime: Duration, period: Duration) -> Self {
+        match known {
+            Some(mut clock) => {
+                clock.add(now, uptime, period);
+                clock
+            }
+            None => Self::first(now, uptime),
+        }
+    }
+
     /// What the first heartbeat of a run shows, which has this uptime.
-    pub fn first(now: Duration, uptime: Duration) -> Self {
+    fn first(now: Duration, uptime: Duration) -> Self {
         let start_us = micros(now) - micros(uptime);
         Self {
             start_us,
@@ -52,7 +68,7 @@ impl ClockOffset {
     /// Adds a heartbeat; those that come within half a `period` are compared with the same earlier ones.
     ///
     /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift.
-    pub fn add(&mut self, now: Duration, uptime: Duration, period: Duration) {
+    fn add(&mut self, now: Duration, uptime: Duration, period: Duration) {
         let creep = micros(now.saturating_sub(self.heard_at) / DRIFT_DIVISOR);
         let expected = self.start_us + creep;
         if now >= self.before_until {
@@ -61,7 +77,12 @@ impl ClockOffset {
         self.start_us = expected.min(micros(now) - micros(uptime));
         self.heard_at = now;
         let gain = self.before_us - self.start_us;
-        if gain > micros(period) && self.is_known_at(now, period) {
+        let is_long = gain > micros(period * PERIODS_LONG);
+        let known_for = now.saturating_sub(self.first_heard_at);
+        let is_in_first_queue = known_for < period / QUEUE_DIVISOR;
+        if gain > micros(period)
+            && (self.is_known_at(now, period) || (is_long && !is_in_first_queue))
+        {
             let gain = Duration::from_micros(u64::try_from(gain).unwrap_or(u64::MAX));
             self.gain = Some((now, gain));
         }
@@ -76,8 +97,13 @@ impl ClockOffset {
     }
 
     /// Whether heartbeats come since a time, and had come for a while before it: the first ones may come late together, from a queue.
-    pub fn is_known_at(&self, time: Duration, period: Duration) -> bool {
+    fn is_known_at(&self, time: Duration, period: Duration) -> bool {
         self.heard_at >= time && self.first_heard_at + period * PERIODS_KNOWN <= time
+    }
+
+    /// Whether its heartbeats since a time can be compared with those before.
+    pub fn is_compared_at(&self, time: Duration, period: Duration) -> bool {
+        self.is_known_at(time, period) || self.gain.is_some_and(|(at, _)| at >= time)
     }
 
     /// By how much heartbeats since a time came earlier than those before, if that was more than the time between two: for as long
@@ -120,11 +146,23 @@ mod tests {
         assert!(queued.gain_since(at(3_900)) > at(28_500));
     }
 
-    /// A process that was stopped may hear another one for the first time by ten of its heartbeats at once.
+    /// A process that begins a new run after a suspension may be suspended again before it has heard the others for long.
+    #[test]
+    fn a_clock_that_stands_still_soon_after_the_first_heartbeat_shows_if_it_does_so_for_long() {
+        for (slept_for, is_found) in [(28_000, true), (4_000, false)] {
+            let mut one = ClockOffset::first(at(1_000), at(20));
+            one.add(at(1_120), at(640 + slept_for), PERIOD);
+            let gain = one.gain_since(at(1_120));
+            assert_eq!(gain > at(slept_for), is_found, "{gain:?}");
+            assert_eq!(one.is_compared_at(at(1_120), PERIOD), is_found);
+        }
+    }
+
+    /// A process that was stopped may hear another one for the first time by many of its heartbeats at once.
     #[test]
     fn a_queue_of_the_first_heartbeats_is_no_gain() {
         let mut one = ClockOffset::first(at(9_000), at(20));
-        for sent in 1..10 {
+        for sent in 1..40 {
             one.add(at(9_000), at(20 + 500 * sent), PERIOD);
         }
         assert_eq!(one.gain_since(at(0)), Duration::ZERO);

@@ -467,7 +467,8 @@ impl Agent {
         }
         let liveness = context.liveness();
         let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
-        let is_clock_in_doubt = news.is_ok() && self.doubt_clock(run.module);
+        let is_compared = matches!(news, Ok(_) | Err(Refusal::DuplicateModule));
+        let is_clock_in_doubt = is_compared && self.doubt_clock(run.module);
         let context = &mut self.context;
         match news {
             Ok(HeartbeatNews::Old) => return is_clock_in_doubt,

@@ -25,6 +25,8 @@ pub(super) struct Peer {
     /// The latest state of another run that may yet take the place of this one: a state comes only once. A later run does so when
     /// this one is silent, and an earlier one when this one has been silent for long.
     pub kept: Option<KeptState>,
+    /// How the clock of a later run differs that is not let in yet.
+    kept_clock: Option<(Incarnation, ClockOffset)>,
     /// The later run that it, or a run before it, replaced after a long silence of that: a clock was set back in between.
     pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
@@ -54,6 +56,7 @@ impl Peer {
             heartbeat: None,
             state: None,
             kept: None,
+            kept_clock: None,
             replaces: None,
             source,
             has_other_voters: false,
@@ -102,16 +105,36 @@ impl Peer {
     /// Estimates when a heartbeat was sent, by this module's clock; it is sent every `period`.
     /// Enforces M1.
     pub fn sent_at(&mut self, now: Duration, uptime: Duration, period: Duration) -> Duration {
-        match &mut self.clock {
-            Some(clock) => clock.add(now, uptime, period),
-            unknown => *unknown = Some(ClockOffset::first(now, uptime)),
-        }
-        self.clock.map_or(now, |clock| clock.sent_at(uptime))
+        let clock = ClockOffset::with(self.clock, now, uptime, period);
+        self.clock = Some(clock);
+        clock.sent_at(uptime)
     }
 
-    /// How its clock differs from this one's; `None` before its first heartbeat.
-    pub fn clock(&self) -> Option<&ClockOffset> {
-        self.clock.as_ref()
+    /// Compares the clock of a later run while that is not let in: this process may be suspended before it is.
+    pub fn compare_later(
+        &mut self,
+        run: Incarnation,
+        now: Duration,
+        uptime: Duration,
+        period: Duration,
+    ) {
+        let known = self.kept_clock.filter(|&(kept, _)| kept == run);
+        let known = known.map(|(_, clock)| clock);
+        self.kept_clock = Some((run, ClockOffset::with(known, now, uptime, period)));
+    }
+
+    /// Lets the run in that takes the place of a former one.
+    pub fn follow(&mut self, former: &Self) {
+        let kept = former
+            .kept_clock
+            .filter(|&(kept, _)| kept == self.incarnation);
+        self.clock = kept.map(|(_, clock)| clock);
+    }
+
+    /// How its clock differs from this one's, and that of a later run which is not let in yet, as far as they were heard.
+    pub fn clocks(&self) -> impl Iterator<Item = &ClockOffset> {
+        let later = self.kept_clock.iter().map(|(_, clock)| clock);
+        self.clock.iter().chain(later)
     }
 
     /// Records a heartbeat that was sent at a time.

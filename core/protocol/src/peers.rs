@@ -259,7 +259,8 @@ impl Peers {
             }
             self.changes += 1;
             let (kept, replaces) = (peer.kept.take(), peer.replaces);
-            *peer = Peer::new(run.incarnation, source, now);
+            let former = std::mem::replace(peer, Peer::new(run.incarnation, source, now));
+            peer.follow(&former);
             peer.replaces = replaces;
             peer.state = state_of(kept, run, source);
         } else if let Some(Peer {
@@ -282,7 +283,18 @@ impl Peers {
     ) -> Result<HeartbeatNews, Refusal> {
         let run = heartbeat.module.run(heartbeat.incarnation);
         let now = liveness.now;
-        let peer = self.admit(liveness, run, source)?;
+        let peer = match self.admit(liveness, run, source) {
+            Ok(peer) => peer,
+            Err(refusal) => {
+                if refusal == Refusal::DuplicateModule
+                    && let Some(peer) = self.peers.get_mut(&run.module)
+                {
+                    let (uptime, period) = (heartbeat.uptime, liveness.period);
+                    peer.compare_later(run.incarnation, now, uptime, period);
+                }
+                return Err(refusal);
+            }
+        };
         let known = peer.heartbeat;
         if known.is_some_and(|known| known.sequence >= heartbeat.sequence) {
             return Ok(HeartbeatNews::Old);

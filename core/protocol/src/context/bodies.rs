@@ -322,7 +322,9 @@ impl Context {
         let known = |body: &BodyReport| {
             let is_live = self.peers.is_live(self.liveness(), body.module);
             let known = self.bodies.get(body.module);
-            let stands = known.is_some_and(|known| known.whereabouts == body.whereabouts);
+            let limit = self.spot_limit();
+            let stands =
+                known.is_some_and(|known| known.whereabouts.is_near(&body.whereabouts, limit));
             !is_live && stands && !self.is_removable(body.module)
         };
         if self.robot.service != Service::MotionFailed || kept_by.iter().all(known) {
