@@ -75,9 +75,14 @@ impl Frame {
         self
     }
 
-    /// The x and y of the upper left corner in units, and the pixels in a unit.
-    pub(crate) fn origin_and_scale(&self) -> (f64, f64, f64) {
-        (self.left_units, self.top_units, self.scale)
+    /// The x and y of the upper left corner in units.
+    pub(crate) fn origin(&self) -> (f64, f64) {
+        (self.left_units, self.top_units)
+    }
+
+    /// The pixels in a unit.
+    pub(crate) fn scale(&self) -> f64 {
+        self.scale
     }
 
     pub(crate) fn x(&self, pose: &Pose) -> f64 {

@@ -20,7 +20,12 @@ use crate::subject::{Module, Subject};
 
 const TEMPLATE: &str = include_str!("../assets/page.html");
 const PAGE_STYLE: &str = include_str!("../assets/page.css");
-const PLAYER: &str = include_str!("../assets/player.js");
+/// One script: the film and the player, which the studio uses too, and the picture of this page.
+const PLAYER: &str = concat!(
+    include_str!("../player/film.js"),
+    include_str!("../player/player.js"),
+    include_str!("../assets/picture.js"),
+);
 
 /// The minimum width of the ground, for small formations.
 const GROUND_WIDTH_MIN: f64 = 300.0;
@@ -186,7 +191,7 @@ fn stage(subject: &Subject, frame: &Frame) -> Element {
     modules.extend(subject.modules.iter().map(drawn));
     let mut ground = drawing::ground(frame, (LEFT, ABOVE));
     // Below the spots, so that no line crosses a number.
-    ground.push(layer("paths"));
+    ground.extend([layer("cells"), layer("trails"), layer("paths")]);
     ground.push(drawing::target(frame, subject, |_| "spot"));
     ground.extend([layer("links"), modules]);
     ground.extend([layer("crosses"), layer("marks")]);
@@ -207,6 +212,7 @@ fn legend_of(subject: &Subject) -> Vec<Element> {
         (Mark::Line("link new"), "new link"),
         (Mark::Line("path"), "path to the claimed spot"),
         (Mark::Line("claim"), "claims a spot, no path known"),
+        (Mark::Ring("ring waiting"), "waits for others to pass"),
         (Mark::Ring("ring acting"), "acts in this step"),
         (Mark::Ring("ring evicted"), "loses its spot in this step"),
         (Mark::Spot, "free spot"),

@@ -16,25 +16,23 @@ pub struct PlayedFilm {
     ground: Ground,
 }
 
-/// The point of the plane at pixel (0, 0), and the pixels in a unit. The y axis points upwards in units and downwards in pixels.
+/// The point of the plane at pixel (0, 0). The y axis points upwards in units and downwards in pixels.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Ground {
     left_units: f64,
     top_units: f64,
-    pixels_per_unit: f64,
 }
 
 /// The film of a formation that took this course; `end` is its last sentence.
 #[must_use]
 pub fn film(subject: &Subject, course: &[Entry], end: &str) -> PlayedFilm {
     let frame = Frame::around(places(subject, course));
-    let (left_units, top_units, pixels_per_unit) = frame.origin_and_scale();
+    let (left_units, top_units) = frame.origin();
     PlayedFilm {
         film: Film::of(subject, course, &frame, end, KEYFRAMES_MAX),
         ground: Ground {
             left_units,
             top_units,
-            pixels_per_unit,
         },
     }
 }

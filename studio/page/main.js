@@ -3,9 +3,10 @@
 import { ask, findEngine } from "./engine.js";
 import { Drawing } from "./drawing.js";
 import { Editor } from "./editor.js";
-import { Film, Player } from "./film.js";
+import { Film } from "./film.js";
 import { Live } from "./live.js";
-import { Stage, cellsOf, groupColour } from "./stage.js";
+import { Player } from "./player.js";
+import { Stage, groupColour } from "./stage.js";
 
 const PLAN_DELAY_MS = 150;
 const EVENTS_SHOWN_MAX = 3000;
@@ -26,10 +27,10 @@ const drawnFields = (policy = part("policy").value) => ({ text: JSON.stringify(d
 const scenarioFile = async () => (await ask("write", drawnFields())).text;
 
 const live = new Live(drawing, { text: scenarioFile, show: () => render(), say });
-const player = new Player(() => render());
+const player = new Player((time) => render(time), part("player"));
 /** Whether a part of the film is to be shown. */
 const isChosen = (id) => part(`show-${id}`).checked;
-for (const id of ["paths", "trails", "cells"]) part(`show-${id}`).addEventListener("change", () => render());
+part("shown").addEventListener("change", () => player.time == null || player.seek(player.time));
 /** Nothing is drawn while a film or a run is shown. */
 const isLocked = () => player.time != null || isWatching();
 let watching = true;
@@ -57,27 +58,36 @@ function drawn() {
   return { spots, edges, obstacles, links, marks, arena: rest.arena, cursor: editor.cursor, modules: modules.map(coloured), coloured };
 }
 
-function render() {
+/** What a film shows at a time, upon what is drawn. */
+function sceneOf(film, base, time) {
+  const now = film.at(time);
+  const modules = now.modules.map(base.coloured);
+  const goes = ({ phase, spot }) => phase === "MOVING" || (spot !== null && phase !== "SETTLED");
+  const ring = (list, kind) => list.map((index) => ({ x: modules[index].x, y: modules[index].y, kind }));
+  const waiting = now.modules.flatMap(({ waits }, index) => (waits ? [index] : []));
+  return {
+    ...base, modules,
+    links: now.links.map(({ one, other, fate }) => [modules[one].id, modules[other].id, fate]),
+    states: new Map(now.spots.map(({ id, state }) => [id, state])),
+    marks: [...ring(now.acting, "path"), ...ring(now.evicted, "bad")],
+    waiting: isChosen("waits") ? ring(waiting, "soft") : [],
+    paths: isChosen("paths") ? modules.flatMap((module, index) => (goes(module) ? [film.way(index, time).points] : [])) : [],
+    trails: isChosen("trails") ? modules.map(({ colour }, index) => ({ way: film.trail(index, time), colour })) : [],
+    cells: isChosen("cells") ? modules.flatMap((module) => film.cells(module).map((cell) => ({ ...cell, colour: module.colour }))) : [],
+  };
+}
+
+/** Shows the film at a time; without one, what is drawn or runs. */
+function render(time = player.time) {
   const base = drawn();
   const [film, other] = films;
-  const play = (shown, onto) => {
-    const time = Math.min(player.time, shown.length);
-    const { modules, links, paths, caption } = shown.at(time);
-    const coloured = modules.map(base.coloured);
-    const [lattice] = base.spots;
-    onto.show({
-      ...base, links, marks: [], modules: coloured,
-      paths: isChosen("paths") ? paths : [],
-      trails: isChosen("trails") ? shown.trails(time).map((trail, index) => ({ way: [...trail, coloured[index]], colour: coloured[index].colour })) : [],
-      cells: isChosen("cells") && lattice ? coloured.flatMap((module) => cellsOf(module, lattice)) : [],
-    });
-    return caption;
-  };
-  const isPlaying = player.time != null && film;
-  part("caption").textContent = isPlaying ? play(film, stage) : "";
-  if (isPlaying && other) play(other, second);
-  else if (other) second.show(base);
-  if (!isPlaying) stage.show(isWatching() ? { ...base, ...live.scene() } : base);
+  const isPlaying = time != null && film;
+  const scene = (shown) => sceneOf(shown, base, Math.min(time, shown.length));
+  part("caption").textContent = isPlaying ? film.at(time).caption : "";
+  part("caption").setAttribute("aria-live", player.playing ? "off" : "polite");
+  if (other) second.show(isPlaying ? scene(other) : base);
+  if (isPlaying) stage.show(scene(film));
+  else stage.show(isWatching() ? { ...base, ...live.scene() } : base);
 }
 
 function listFindings(list) {
@@ -280,7 +290,7 @@ async function simulate() {
     films = [new Film(run.film), null];
     player.load(films[0]);
     part("second").hidden = true;
-    player.toggle();
+    player.play();
   } catch (error) {
     ending.className = "bad";
     ending.textContent = error.message;

@@ -13,15 +13,6 @@ const SIDE = 0.9;
 
 export const groupColour = (index) => (index == null ? SINGLE : GROUPS[index % GROUPS.length]);
 
-/** The cells of the lattice of a spot that a module is on: one where it stands on the lattice, two or four on its way between cells. */
-export function cellsOf({ x, y, colour }, { x: left, y: low, theta = 0 }) {
-  const [cosine, sine] = [Math.cos(theta), Math.sin(theta)];
-  const along = [(x - left) * cosine + (y - low) * sine, (y - low) * cosine - (x - left) * sine];
-  const near = (at) => (Math.abs(at - Math.round(at)) < 0.02 ? [Math.round(at)] : [Math.floor(at), Math.ceil(at)]);
-  const [columns, rows] = along.map(near);
-  return columns.flatMap((u) => rows.map((v) => ({ x: left + u * cosine - v * sine, y: low + u * sine + v * cosine, theta, colour })));
-}
-
 /** Whether black or white is legible on a colour. */
 function inkOn(colour) {
   const [red, green, blue] = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
@@ -145,10 +136,11 @@ export class Stage {
     const at = (pose) => [width / 2 + (pose.x - this.middle.x) * this.scale, height / 2 - (pose.y - this.middle.y) * this.scale];
     this.at = at;
     this.walls(this.scene);
-    this.target(this.scene);
     this.cells(this.scene);
+    // Below the spots, so that no line crosses a number.
     for (const { way, colour } of this.scene.trails ?? []) this.way(way, colour, scale / 7);
     for (const way of this.scene.paths ?? []) this.way(way, theme.path, scale / 18);
+    this.target(this.scene);
     this.modules(this.scene);
     this.marks(this.scene);
   }
@@ -205,18 +197,21 @@ export class Stage {
     pen.setLineDash([]);
   }
 
-  target({ spots = [], edges = [] }) {
+  target({ spots = [], edges = [], states = new Map() }) {
     const { pen, theme, scale } = this;
     const byId = new Map(spots.map((spot) => [spot.id, spot]));
     const ends = edges.map(([one, other]) => [byId.get(one), byId.get(other)]).filter(([one, other]) => one && other);
     this.lines(ends, theme.spot, Math.max(1, scale / 14), [scale / 9, scale / 9]);
     for (const spot of spots) {
+      const isClaimed = states.get(spot.id) === "claimed";
       this.square(spot, scale * 0.94, () => {
+        pen.globalAlpha = 0.75;
         pen.fillStyle = theme.ground;
         pen.fill();
-        pen.setLineDash([scale / 8, scale / 10]);
-        pen.strokeStyle = theme.spot;
-        pen.lineWidth = Math.max(1, scale / 26);
+        pen.globalAlpha = 1;
+        pen.setLineDash(isClaimed ? [] : [scale / 8, scale / 10]);
+        pen.strokeStyle = isClaimed ? theme.path : theme.spot;
+        pen.lineWidth = Math.max(1, scale / (isClaimed ? 18 : 26));
         pen.stroke();
         pen.setLineDash([]);
       });
@@ -264,36 +259,49 @@ export class Stage {
       if (scale > 18) this.text(String(module.id), module, inkOn(module.colour), scale / 2.6, true);
       pen.globalAlpha = 1;
     }
-    const ends = links.map(([one, other]) => [byId.get(one), byId.get(other)]).filter(([one, other]) => one && other);
-    const middle = ends.map(([one, other]) => {
+    const ends = links.map(([one, other, fate]) => ({ one: byId.get(one), other: byId.get(other), fate })).filter(({ one, other }) => one && other);
+    const middle = (list) => list.map(({ one, other }) => {
       const part = (share) => ({ x: one.x + (other.x - one.x) * share, y: one.y + (other.y - one.y) * share });
       return [part(0.38), part(0.62)];
     });
-    this.lines(middle, theme.ink, Math.max(2, scale / 9));
+    const broken = ends.filter(({ fate }) => fate === "broken");
+    this.lines(middle(ends.filter(({ fate }) => fate !== "broken")), theme.ink, Math.max(2, scale / 9));
+    // A link that the plan does not keep.
+    this.lines(middle(broken), theme.bad, Math.max(2, scale / 12), [scale / 14, scale / 14]);
   }
 
+  /** A small arrow at the front. */
   heading(module) {
-    const { pen, scale } = this;
-    const angle = module.theta ?? 0;
-    const [front, tip] = [0.3, 0.42].map((far) => ({ x: module.x + far * Math.cos(angle), y: module.y + far * Math.sin(angle) }));
-    pen.strokeStyle = inkOn(module.colour);
-    pen.lineWidth = Math.max(1, scale / 14);
+    const { pen, theme } = this;
+    const [cosine, sine] = [Math.cos(module.theta ?? 0), Math.sin(module.theta ?? 0)];
+    const corner = (along, across) => this.at({ x: module.x + along * cosine - across * sine, y: module.y + along * sine + across * cosine });
+    pen.fillStyle = theme.ink;
     pen.beginPath();
-    pen.moveTo(...this.at(front));
-    pen.lineTo(...this.at(tip));
-    pen.stroke();
+    pen.moveTo(...corner(0.53, 0));
+    pen.lineTo(...corner(0.4, 0.11));
+    pen.lineTo(...corner(0.4, -0.11));
+    pen.fill();
   }
 
-  marks({ marks = [], cursor, waits = [] }) {
+  /** Rings about places, in the colours of their kinds. */
+  rings(places, dash) {
     const { pen, theme, scale } = this;
-    this.lines(waits, theme.warn, Math.max(1, scale / 20), [3, 3]);
-    for (const { x, y, kind } of marks) {
+    pen.setLineDash(dash);
+    pen.lineWidth = Math.max(2, scale / 20);
+    for (const { x, y, kind } of places) {
       pen.strokeStyle = theme[kind];
-      pen.lineWidth = Math.max(2, scale / 20);
       pen.beginPath();
       pen.arc(...this.at({ x, y }), scale * 0.66, 0, 2 * Math.PI);
       pen.stroke();
     }
+    pen.setLineDash([]);
+  }
+
+  marks({ marks = [], waiting = [], cursor, waits = [] }) {
+    const { pen, theme, scale } = this;
+    this.lines(waits, theme.warn, Math.max(1, scale / 20), [3, 3]);
+    this.rings(waiting, [2, 4]);
+    this.rings(marks, []);
     if (cursor) {
       this.square({ ...cursor, theta: 0 }, scale, () => {
         pen.strokeStyle = theme.ink;

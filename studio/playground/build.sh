@@ -30,5 +30,5 @@ if [ "$("$bindgen" --version 2>/dev/null)" != "wasm-bindgen $version" ]; then
     env -u CARGO_TARGET_DIR cargo install --quiet wasm-bindgen-cli --version "$version" --root "$CARGO_TARGET_DIR/bindgen"
 fi
 "$bindgen" --target web --no-typescript --out-dir "$out" --out-name playground "$CARGO_TARGET_DIR/$target/release/formation_playground.wasm"
-cp studio/page/* "$out"
+cp studio/page/* report/player/* "$out"
 echo "$out: $(cat "$out"/* | wc -c) bytes, $(cat "$out"/* | gzip -9 | wc -c) compressed"

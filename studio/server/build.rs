@@ -5,14 +5,17 @@ use std::path::Path;
 use std::{env, fs, io};
 
 fn main() -> io::Result<()> {
-    let page = fs::canonicalize("../page")?;
-    println!("cargo:rerun-if-changed={}", page.display());
     let mut files = Vec::new();
-    for entry in fs::read_dir(&page)? {
-        let path = entry?.path();
-        if path.is_file() {
-            println!("cargo:rerun-if-changed={}", path.display());
-            files.push(path);
+    // The player of the page is that of the report.
+    for folder in ["../page", "../../report/player"] {
+        let folder = fs::canonicalize(folder)?;
+        println!("cargo:rerun-if-changed={}", folder.display());
+        for entry in fs::read_dir(&folder)? {
+            let path = entry?.path();
+            if path.is_file() {
+                println!("cargo:rerun-if-changed={}", path.display());
+                files.push(path);
+            }
         }
     }
     files.sort();

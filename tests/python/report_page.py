@@ -215,7 +215,7 @@ class Page:
         return float(self.browser.run("return document.getElementById('player').dataset.time"))
 
     def plays(self):
-        return self.browser.run("return document.body.classList.contains('playing')")
+        return self.browser.run("return document.getElementById('player').classList.contains('playing')")
 
     def focus(self, identifier):
         self.browser.run("document.getElementById(arguments[0]).focus()", identifier)
@@ -323,6 +323,40 @@ class Page:
         check(forth == back[::-1], "the picture depends on the way to it")
         check(len(set(forth)) == len(shares), "scrubbing changes nothing")
         check(json.loads(forth[0])[1].count("filled") == 0, "a spot is filled at the start")
+
+    def shows_what_is_chosen_and_zooms(self):
+        self.scrub_to(0.5)
+        shown = """
+            const visible = (selector) => [...document.querySelectorAll(selector)].filter((one) =>
+              one.getAttribute('display') !== 'none' && (one.getAttribute('d') ?? one.getAttribute('transform'))).length;
+            return [visible('#paths path'), visible('#trails path'), document.querySelectorAll('#cells rect').length];
+        """
+        check(self.browser.run(shown)[1:] == [0, 0], "trails and cells are shown unasked")
+        for layer in ("paths", "trails", "cells"):
+            self.browser.click(f"#show-{layer}")
+        paths, trails, cells = self.browser.run(shown)
+        modules = self.case["modules"]
+        check(paths == 0, "paths are shown although they were put out")
+        check(trails == modules, f"{trails} trails of {modules} modules")
+        check(modules <= cells <= 4 * modules, f"{modules} modules are on {cells} cells")
+        for layer in ("paths", "trails", "cells"):
+            self.browser.click(f"#show-{layer}")
+        view = "return document.getElementById('picture').getAttribute('viewBox').split(' ').map(Number)"
+        whole = self.browser.run(view)
+        self.browser.click("#zoom-in")
+        self.browser.click("#zoom-in")
+        near = self.browser.run(view)
+        check(near[2] * near[3] < 0.6 * whole[2] * whole[3], f"zoomed, the picture shows {near} of {whole}")
+        left, top, width, height = self.browser.run("""
+            const box = document.getElementById('picture').getBoundingClientRect();
+            return [box.left, box.top, box.width, box.height];
+        """)
+        middle = (left + width / 2, top + height / 2)
+        self.browser.drag(middle, (middle[0] - 40, middle[1] - 30))
+        moved = self.browser.run(view)
+        check(moved[0] > near[0] or moved[1] > near[1], f"dragged, the picture still shows {moved}")
+        self.browser.click("#fit")
+        check(self.browser.run(view) == whole, "the whole is not shown again")
 
     def is_used_by_keyboard(self):
         # Slow enough to be asked whether it plays.
@@ -450,6 +484,7 @@ def main():
                 else:
                     page.scrub_to(1)
                 page.ends_with_every_spot_filled()
+                page.shows_what_is_chosen_and_zooms()
                 page.is_used_by_keyboard()
                 page.fits_a_phone()
                 page.has_a_dark_face()

@@ -37,6 +37,9 @@ def lesson(program, domain, _):
         for part in ("trails", "cells"):
             studio.browser.click(f"#show-{part}")
             studio.wait(part, "return window.formationStudio.stage.scene[arguments[0]].length >= 8", part)
+        studio.browser.click("#finish")
+        studio.browser.click("#back")
+        studio.wait("the last step", "const { player } = window.formationStudio; return player.time < player.film.length")
         studio.browser.click("#show-paths")
         studio.wait("no paths", "return window.formationStudio.stage.scene.paths.length === 0")
         studio.browser.click("#run")

@@ -40,6 +40,8 @@ pub(crate) struct Film {
     begin: f64,
     /// The side of a module's square.
     side: f64,
+    /// The length of a unit.
+    unit: f64,
     /// The recorded milliseconds at some times, between which the player interpolates.
     clock: Vec<(f64, u64)>,
     /// The stages, each with the time at which it begins.
@@ -82,6 +84,9 @@ pub(crate) struct SpotFilm {
     id: u32,
     x: f64,
     y: f64,
+    /// The clockwise angle in degrees.
+    #[serde(skip_serializing_if = "is_zero")]
+    turn: f64,
     /// Its holders by the claims, each with the time from which it holds the spot; `None` when the spot is free.
     pub(crate) holders: Vec<(f64, Option<usize>)>,
 }
@@ -134,6 +139,11 @@ fn between<T>(at: f64, ends: [&T; 2], point: impl Fn(&T) -> (f64, f64)) -> f64 {
     }
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+fn is_zero(turn: &f64) -> bool {
+    *turn == 0.0
+}
+
 /// A film that is being made.
 struct Cutting<'a> {
     subject: &'a Subject,
@@ -168,6 +178,7 @@ impl<'a> Cutting<'a> {
             id: spot.id.0,
             x: track::pixel(frame.x(&spot.pose)),
             y: track::pixel(frame.y(&spot.pose)),
+            turn: track::pixel(Frame::turn(&spot.pose)),
             holders: Vec::new(),
         });
         let spot_ids = subject.spots.iter().map(|spot| spot.id);
@@ -272,6 +283,7 @@ impl<'a> Cutting<'a> {
             begin: self.begin.unwrap_or(0.0),
             planned: self.planned,
             side: self.frame.module_side(),
+            unit: self.frame.scale(),
             clock: self.pace.clock(),
             stages: self.stages,
             steps: self.steps,
