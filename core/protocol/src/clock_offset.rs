@@ -8,10 +8,9 @@ const DRIFT_DIVISOR: u32 = 1_000;
 /// After this many periods between heartbeats the offset of a clock is taken for known.
 const PERIODS_KNOWN: u32 = 4;
 
-/// A gain of more than this many periods is no delay of a link that becomes faster while processes start. It needs to be told from
-/// a queue of first heartbeats alone, which comes within a fraction of a period.
-const PERIODS_LONG: u32 = 10;
-const QUEUE_DIVISOR: u32 = 8;
+/// Before that, the longer the gain, the shorter is the time in which it can be told from a queue of first heartbeats: their product, in
+/// periods, exceeds this.
+const PERIODS_PRODUCT: i128 = 10;
 
 /// The start of another run by this module's clock, in signed microseconds, as its least delayed heartbeat shows it.
 #[derive(Clone, Copy, Debug, Hash)]
@@ -77,12 +76,10 @@ impl ClockOffset {
         self.start_us = expected.min(micros(now) - micros(uptime));
         self.heard_at = now;
         let gain = self.before_us - self.start_us;
-        let is_long = gain > micros(period * PERIODS_LONG);
-        let known_for = now.saturating_sub(self.first_heard_at);
-        let is_in_first_queue = known_for < period / QUEUE_DIVISOR;
-        if gain > micros(period)
-            && (self.is_known_at(now, period) || (is_long && !is_in_first_queue))
-        {
+        let known_for = micros(now.saturating_sub(self.first_heard_at));
+        let period_us = micros(period);
+        let exceeds_a_queue = known_for * gain > period_us * period_us * PERIODS_PRODUCT;
+        if gain > period_us && (self.is_known_at(now, period) || exceeds_a_queue) {
             let gain = Duration::from_micros(u64::try_from(gain).unwrap_or(u64::MAX));
             self.gain = Some((now, gain));
         }
@@ -149,12 +146,19 @@ mod tests {
     /// A process that begins a new run after a suspension may be suspended again before it has heard the others for long.
     #[test]
     fn a_clock_that_stands_still_soon_after_the_first_heartbeat_shows_if_it_does_so_for_long() {
-        for (slept_for, is_found) in [(28_000, true), (4_000, false)] {
-            let mut one = ClockOffset::first(at(1_000), at(20));
-            one.add(at(1_120), at(640 + slept_for), PERIOD);
-            let gain = one.gain_since(at(1_120));
-            assert_eq!(gain > at(slept_for), is_found, "{gain:?}");
-            assert_eq!(one.is_compared_at(at(1_120), PERIOD), is_found);
+        let cases = [
+            (120, 28_000, true),
+            (120, 4_000, false),
+            (1_200, 4_000, true),
+            (1_200, 1_000, false),
+        ];
+        for (known_for, slept_for, is_found) in cases {
+            let (first, later) = (at(1_000), at(1_000 + known_for));
+            let mut one = ClockOffset::first(first, at(20));
+            one.add(later, at(20 + known_for + slept_for), PERIOD);
+            let gain = one.gain_since(later);
+            assert_eq!(gain >= at(slept_for), is_found, "{gain:?}");
+            assert_eq!(one.is_compared_at(later, PERIOD), is_found);
         }
     }
 

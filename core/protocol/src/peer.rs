@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{Epoch, Heartbeat, Incarnation, ModulePhase, ModuleState, SourceId};
+use formation_model::{
+    Epoch, Heartbeat, Incarnation, ModulePhase, ModuleRun, ModuleState, SourceId,
+};
 
 use super::clock_offset::ClockOffset;
 
@@ -184,4 +186,25 @@ impl Peer {
             self.unwanted_until = now + least * (1 << doublings);
         }
     }
+}
+
+/// The kept state, if this run sent it.
+pub(super) fn state_of(
+    kept: Option<KeptState>,
+    run: ModuleRun,
+    source: Option<SourceId>,
+) -> Option<Arc<ModuleState>> {
+    kept.filter(|(state, sender)| state.incarnation == run.incarnation && *sender == source)
+        .map(|(state, _)| state)
+}
+
+/// The proofs in a state are for observers; to keep them would let any sender fill this module's memory.
+pub(super) fn without_proofs(state: Arc<ModuleState>) -> Arc<ModuleState> {
+    if state.waited_for.is_empty() && state.agreed_on.is_empty() {
+        return state;
+    }
+    let mut state = ModuleState::clone(&state);
+    state.waited_for = Vec::new();
+    state.agreed_on = Vec::new();
+    Arc::new(state)
 }

@@ -10,7 +10,7 @@ use formation_model::{
     Service, SourceId,
 };
 
-use super::peer::{KeptState, Peer};
+use super::peer::{Peer, state_of, without_proofs};
 use super::refusal::Refusal;
 
 /// At least this many modules are kept, and up to four times as many as are expected: more are taken for invented.
@@ -489,27 +489,6 @@ impl Peers {
         self.get(module)
             .is_none_or(|peer| peer.unwanted_until <= now)
     }
-}
-
-/// The kept state, if this run sent it.
-fn state_of(
-    kept: Option<KeptState>,
-    run: ModuleRun,
-    source: Option<SourceId>,
-) -> Option<Arc<ModuleState>> {
-    kept.filter(|(state, sender)| state.incarnation == run.incarnation && *sender == source)
-        .map(|(state, _)| state)
-}
-
-/// The proofs in a state are for observers; to keep them would let any sender fill this module's memory.
-fn without_proofs(state: Arc<ModuleState>) -> Arc<ModuleState> {
-    if state.waited_for.is_empty() && state.agreed_on.is_empty() {
-        return state;
-    }
-    let mut state = ModuleState::clone(&state);
-    state.waited_for = Vec::new();
-    state.agreed_on = Vec::new();
-    Arc::new(state)
 }
 
 #[cfg(test)]
