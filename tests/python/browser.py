@@ -38,6 +38,7 @@ class Browser:
     def __init__(self, width=1280, height=900, dark=False):
         chromium = program("chromium", "chromium-browser", "google-chrome")
         self.profile = tempfile.TemporaryDirectory(prefix="formation-browser-", ignore_cleanup_errors=True)
+        self.gestures = 0
         self.driver = subprocess.Popen(
             [program("chromedriver"), "--port=0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.session = None
@@ -104,11 +105,13 @@ class Browser:
         self._ask("POST", "/actions", {"actions": [{"type": "key", "id": "keys", "actions": actions}]})
 
     def click(self, selector):
+        self.gestures += 1
         element = self._ask("POST", "/element", {"using": "css selector", "value": selector})
         self._ask("POST", f"/element/{element[ELEMENT]}/click", {})
 
     def drag(self, *places):
         """Presses the mouse at the first place of the view, moves it to the others in turn, and releases it."""
+        self.gestures += 1
         moves = [{"type": "pointerMove", "duration": 0, "x": round(x), "y": round(y)} for x, y in places]
         actions = [moves[0], {"type": "pointerDown", "button": 0}, *moves[1:], {"type": "pointerUp", "button": 0}]
         mouse = {"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"}, "actions": actions}

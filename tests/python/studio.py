@@ -7,6 +7,7 @@ import http.client
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -30,8 +31,10 @@ def is_running(studio):
 def lesson(program, domain, _):
     """Draw, plan, run, kill, draw the next target, run again."""
     with Studio(program, "--domain", domain) as studio:
+        began = time.monotonic()
         draw_h(studio)
         studio.await_plan("7 of 7 spots")
+        drawn = (studio.browser.gestures, time.monotonic() - began)
         studio.browser.click("#play")
         studio.wait("the film", "return window.formationStudio.player.time > 0")
         for part in ("trails", "cells"):
@@ -42,9 +45,12 @@ def lesson(program, domain, _):
         studio.wait("the last step", "const { player } = window.formationStudio; return player.time < player.film.length")
         studio.browser.click("#show-paths")
         studio.wait("no paths", "return window.formationStudio.stage.scene.paths.length === 0")
+        began = time.monotonic()
         studio.browser.click("#run")
         studio.await_stage("COMPLETE")
         say(formed=len(start_of(studio)))
+        print(f"a letter of seven spots and eight modules: {drawn[0] + 1} strokes and clicks, drawn in {drawn[1]:.1f} s, "
+              f"formed {time.monotonic() - began:.1f} s after Run", file=sys.stderr)
         studio.browser.drag(studio.place(3, 3))
         studio.wait("a chosen module", 'return !document.getElementById("chosen").hidden')
         studio.browser.click("#kill")
