@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use formation_model::{DockingAction, ModuleId};
+use formation_model::{DockingAction, ModuleId, Pose};
 use formation_motion::{
     DriveCommand, DriveFault, ExternalDrive, MotionGoal, MotionReport, SimulatedDrive,
 };
@@ -80,6 +80,33 @@ impl Drive {
                 DockingAction::Undock => MotionReport::Undocked(other),
             }),
             Self::External(drive) => drive.ask(now, action, other),
+        }
+    }
+
+    /// A hand moves the body of a simulated module, and tears it off these others; returns whether it is simulated.
+    pub(crate) fn push(
+        &mut self,
+        now: Duration,
+        pose: Pose,
+        torn_off: impl IntoIterator<Item = ModuleId>,
+    ) -> bool {
+        let Self::Simulated { drive, reports, .. } = self else {
+            return false;
+        };
+        reports.extend(torn_off.into_iter().map(MotionReport::Undocked));
+        reports.extend(drive.put(now, pose));
+        self.schedule(now);
+        true
+    }
+
+    /// A simulated port opens, as what it held was torn off; returns whether it is simulated.
+    pub(crate) fn tear_off(&mut self, other: ModuleId) -> bool {
+        match self {
+            Self::Simulated { reports, .. } => {
+                reports.push_back(MotionReport::Undocked(other));
+                true
+            }
+            Self::External(_) => false,
         }
     }
 

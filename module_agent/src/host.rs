@@ -1,6 +1,7 @@
 //! The modules that one process hosts: their agents, their drives, and what they publish together.
 
 mod handled_states;
+mod pushes;
 mod removals;
 
 use std::collections::BTreeMap;
@@ -26,6 +27,7 @@ use crate::drivers::DriverMessage;
 use crate::journal::{Journal, KeptMemory, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
 use handled_states::HandledStates;
+use pushes::Docked;
 pub(crate) use removals::REMOVE_MODULE;
 
 /// What the process has to publish.
@@ -97,6 +99,7 @@ pub(crate) struct Host {
     outgoing: Vec<Outgoing>,
     /// For how long the clock stood still, if the modules have found that it did: new runs are to begin.
     stood_still: Option<Duration>,
+    docked: Docked,
     /// What only observers need, until no hosted module plans: others wait for the claims.
     evictions: Vec<EvictionNotice>,
 }
@@ -129,6 +132,7 @@ impl Host {
             handled_states: HandledStates::default(),
             outgoing: Vec::new(),
             stood_still: None,
+            docked: Docked::default(),
             evictions: Vec::new(),
         };
         for (identity, service) in modules {
@@ -236,15 +240,6 @@ impl Host {
         Some((agent.service(), agent.phase()))
     }
 
-    /// The poses of the hosted modules and of all other live ones, as far as they are known.
-    pub(crate) fn poses(&self) -> BTreeMap<ModuleId, Option<Pose>> {
-        let agents = || self.modules.iter().map(|hosted| &hosted.agent);
-        let peers = agents().flat_map(Agent::living_peers);
-        let peers = peers.map(|(module, state)| (module, state.map(|state| state.pose)));
-        let own = agents().map(|agent| (agent.module(), Some(agent.pose())));
-        peers.chain(own).collect()
-    }
-
     /// The hosted modules as they are now, for a host that takes them over.
     pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
         let modules = self.modules.iter().map(|hosted| {
@@ -297,6 +292,7 @@ impl Host {
                 let messages = others.map(|one| (Some(one.source), one.message.clone()));
                 self.pass_messages(index, now, messages);
             }
+            self.open_torn_ports(now);
         }
         for index in 0..self.modules.len() {
             if self.modules[index]

@@ -1,14 +1,12 @@
-//! Adding modules to a running process, and taking modules out of service or back, by services.
+//! Adding modules to a running process, taking modules out of service or back, and pushing simulated ones, by services.
 
 use std::time::Duration;
 
 use formation_model::text::joined;
-use formation_model::{
-    MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleSize, NO_ID, PoseError,
-    Service as InService,
-};
+use formation_model::{ModuleId, ModulePhase, ModuleSize, NO_ID, PoseError, Service as InService};
 use formation_msgs::{
-    AddModuleRequest, AddModuleResponse, RetireModuleRequest, RetireModuleResponse,
+    AddModuleRequest, AddModuleResponse, PushModuleRequest, PushModuleResponse,
+    RetireModuleRequest, RetireModuleResponse,
 };
 use formation_protocol::Command;
 use ros_runtime::service::{Call, DeclaredService};
@@ -16,18 +14,18 @@ use ros_runtime::service::{Call, DeclaredService};
 use crate::arguments::single_module;
 use crate::host::Host;
 
-/// The least distance between two modules: one unit, less the tolerance of a pose.
-const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
-
 pub(crate) const ADD_MODULE: DeclaredService<AddModuleRequest, AddModuleResponse> =
     DeclaredService::new("~/add_module", "formation_msgs", "AddModule");
 pub(crate) const RETIRE_MODULE: DeclaredService<RetireModuleRequest, RetireModuleResponse> =
     DeclaredService::new("~/retire_module", "formation_msgs", "RetireModule");
+pub(crate) const PUSH_MODULE: DeclaredService<PushModuleRequest, PushModuleResponse> =
+    DeclaredService::new("~/push_module", "formation_msgs", "PushModule");
 
 /// A request to one of the services.
 pub(crate) enum MembershipRequest {
     Add(Call<AddModuleRequest, AddModuleResponse>),
     Retire(Call<RetireModuleRequest, RetireModuleResponse>),
+    Push(Call<PushModuleRequest, PushModuleResponse>),
 }
 
 impl MembershipRequest {
@@ -41,6 +39,10 @@ impl MembershipRequest {
             Self::Retire(Call { request, reply }) => {
                 let outcome = logged(request.module_id, retire(host, now, request));
                 host.answer(move || reply(outcome.into()));
+            }
+            Self::Push(Call { request, reply }) => {
+                let outcome = logged(request.module_id, push(host, size, now, request));
+                reply(outcome.into());
             }
         }
     }
@@ -72,18 +74,14 @@ fn add(
              back"
         ));
     }
-    let poses = host.poses();
-    if poses.contains_key(&module) {
+    if host.poses().contains_key(&module) {
         return Err(format!("{module} is live already, in another process"));
     }
-    for (other, place) in poses {
-        let distance = place.map(|place| place.distance_to(&pose));
-        if let Some(distance) = distance.filter(|&distance| distance < DISTANCE_MIN) {
-            return Err(format!(
-                "{other} stands there: {} m away, and a module needs {size}",
-                size.to_metres(distance)
-            ));
-        }
+    if let Some((other, distance)) = host.too_near(module, &pose) {
+        return Err(format!(
+            "{other} stands there: {} m away, and a module needs {size}",
+            size.to_metres(distance)
+        ));
     }
     host.add(now, single_module(module, pose))?;
     Ok(format!(
@@ -91,16 +89,32 @@ fn add(
     ))
 }
 
+/// Moves the body of a simulated module. Says what will happen, or why nothing does.
+fn push(
+    host: &mut Host,
+    size: ModuleSize,
+    now: Duration,
+    request: PushModuleRequest,
+) -> Result<String, String> {
+    let module = ModuleId(request.module_id);
+    let way = size
+        .pose_from_metres(request.x, request.y, 0.0)
+        .map_err(|PoseError { coordinate, source }| format!("{coordinate}: {source}"))?;
+    let torn_off = host.push_body(now, module, (way.x, way.y))?;
+    Ok(match torn_off.is_empty() {
+        true => format!("{module} was pushed"),
+        false => format!(
+            "{module} was pushed, and torn off {}",
+            joined(torn_off.iter().map(|other| other.0), ", ")
+        ),
+    })
+}
+
 /// Takes a module out of service, or back. Says what will happen, or why nothing does.
 fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Result<String, String> {
     let module = ModuleId(request.module_id);
     let Some((service, phase)) = host.status_of(module) else {
-        let hosted = host.modules();
-        let hosted = hosted.iter().map(|(identity, _)| identity.module.0);
-        return Err(format!(
-            "{module} is not hosted by this process, which hosts {}",
-            joined(hosted, ", ")
-        ));
+        return Err(host.does_not_host(module));
     };
     let command = if request.rejoin {
         Command::Rejoin

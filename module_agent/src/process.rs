@@ -35,7 +35,7 @@ use crate::arguments::{AgentTiming, DriveMode, HostedModules, Motion, StoreOptio
 use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing, REMOVE_MODULE};
 use crate::journal::{Journal, KeptMemory, WriteJob};
-use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
+use crate::membership::{ADD_MODULE, MembershipRequest, PUSH_MODULE, RETIRE_MODULE};
 use crate::replays::Replays;
 use crate::worker::Worker;
 
@@ -125,6 +125,11 @@ impl ModuleProcess {
             drivers = Some(publishers);
         }
         add_topics_and_services(&mut inputs, &mut ros, modules.len())?;
+        if motion.pushable {
+            inputs.add(ros.serve(&PUSH_MODULE)?, |call| {
+                Input::Membership(MembershipRequest::Push(call))
+            });
+        }
         let journal = match memory {
             KeptMemory::File(journal) => Some(&*journal),
             KeptMemory::Process(_) => None,

@@ -150,6 +150,7 @@ macro_rules! interfaces {
             }
             srv {
                 AddModule: AddModuleRequest = "AddModule_Request", AddModuleResponse = "AddModule_Response";
+                PushModule: PushModuleRequest = "PushModule_Request", PushModuleResponse = "PushModule_Response";
                 QueryStatus: QueryStatusRequest = "QueryStatus_Request", QueryStatusResponse = "QueryStatus_Response";
                 RemoveModule: RemoveModuleRequest = "RemoveModule_Request", RemoveModuleResponse = "RemoveModule_Response";
                 RetireModule: RetireModuleRequest = "RetireModule_Request", RetireModuleResponse = "RetireModule_Response";
@@ -207,9 +208,10 @@ pub use operator::{OperatorCommand, Removal, Stop};
 pub use progress::Progress;
 pub use roster::{Roster, RosterMember};
 pub use services::{
-    AddModuleRequest, AddModuleResponse, QueryStatusRequest, QueryStatusResponse,
-    RemoveModuleRequest, RemoveModuleResponse, RetireModuleRequest, RetireModuleResponse,
-    StopFormationRequest, StopFormationResponse, WithdrawTargetRequest, WithdrawTargetResponse,
+    AddModuleRequest, AddModuleResponse, PushModuleRequest, PushModuleResponse, QueryStatusRequest,
+    QueryStatusResponse, RemoveModuleRequest, RemoveModuleResponse, RetireModuleRequest,
+    RetireModuleResponse, StopFormationRequest, StopFormationResponse, WithdrawTargetRequest,
+    WithdrawTargetResponse,
 };
 pub use session::{InSession, SessionId};
 pub use standard::{Duration, Header, Time};

@@ -40,6 +40,15 @@ pub struct AddModuleRequest {
     pub theta: f64,
 }
 
+/// The request of `PushModule.srv`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "PushModule_Request")]
+pub struct PushModuleRequest {
+    pub module_id: u32,
+    pub x: f64,
+    pub y: f64,
+}
+
 /// The request of `RemoveModule.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "RemoveModule_Request")]
@@ -91,6 +100,8 @@ answers! {
     WithdrawTargetResponse = "WithdrawTarget_Response";
     /// The response of `AddModule.srv`.
     AddModuleResponse = "AddModule_Response";
+    /// The response of `PushModule.srv`.
+    PushModuleResponse = "PushModule_Response";
     /// The response of `RemoveModule.srv`.
     RemoveModuleResponse = "RemoveModule_Response";
     /// The response of `StopFormation.srv`.

@@ -295,6 +295,7 @@ fn bounds_agree() {
         text("PlannerParameters.policy", bounds::NAME_BYTES_MAX),
         text("PolicyOption.key", bounds::NAME_BYTES_MAX),
         text("PolicyOption.value", bounds::NAME_BYTES_MAX),
+        text("PushModule_Response.message", bounds::ANSWER_BYTES_MAX),
         text("QueryStatus_Response.target", bounds::NAME_BYTES_MAX),
         text("RemoveModule_Response.message", bounds::ANSWER_BYTES_MAX),
         text("RetireModule_Response.message", bounds::ANSWER_BYTES_MAX),

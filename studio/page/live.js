@@ -4,6 +4,8 @@ import { groupColour } from "./stage.js";
 import { order } from "./engine.js";
 
 const LOG_MAX = 200;
+/** How far a module is pushed. */
+const PUSH_UNITS = 1.5;
 const part = (id) => document.getElementById(id);
 
 export class Live {
@@ -21,6 +23,7 @@ export class Live {
       restart: () => this.send("run/restart", { module: this.chosen }),
       retire: () => this.send("run/retire", { module: this.chosen }),
       rejoin: () => this.send("run/rejoin", { module: this.chosen }),
+      push: () => this.push(),
     };
     for (const [id, act] of Object.entries(orders)) part(id).addEventListener("click", act);
   }
@@ -49,6 +52,18 @@ export class Live {
     } catch (error) {
       this.say(error.message);
     }
+  }
+
+  /** Pushes the chosen module away from the middle of the others. */
+  push() {
+    const module = this.modules.get(this.chosen);
+    if (!module) return;
+    const all = [...this.modules.values()];
+    const middle = (axis) => all.reduce((sum, one) => sum + one[axis], 0) / all.length;
+    const [x, y] = [module.x - middle("x"), module.y - middle("y")];
+    const length = Math.hypot(x, y);
+    const way = length > 0.1 ? [x / length, y / length] : [1, 0];
+    this.send("run/push", { module: module.id, x: way[0] * PUSH_UNITS, y: way[1] * PUSH_UNITS });
   }
 
   /** Sends an order about what is drawn. */
@@ -163,10 +178,10 @@ export class Live {
     const spot = module.spot == null ? "without a spot" : `spot ${module.spot}`;
     const waits = module.waits_for.length ? `waits for ${module.waits_for.join(", ")} ` : "";
     part("chosen-text").textContent = `Module ${module.id}: ${isDead ? "its process ended" : module.phase.toLowerCase()}, ${spot}, docked to ${module.links.length ? module.links.join(", ") : "nothing"}; ${waits}${module.why}`;
-    for (const id of ["kill", "restart"]) part(id).hidden = this.readOnly;
+    for (const id of ["kill", "restart", "push"]) part(id).hidden = this.readOnly;
     part("retire").hidden = this.readOnly || !module.in_service;
     part("rejoin").hidden = this.readOnly || module.in_service;
-    for (const id of ["retire", "rejoin"]) part(id).disabled = isDead || !this.running;
+    for (const id of ["retire", "rejoin", "push"]) part(id).disabled = isDead || !this.running;
     part("kill").disabled = isDead || !this.running;
     part("restart").disabled = !isDead || !this.running;
   }

@@ -5,9 +5,9 @@ mod endpoints;
 mod formation_status;
 mod goal_resolver;
 mod goal_tracker;
+mod module_order;
 mod operator;
 mod parameters;
-mod retirement;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -22,9 +22,9 @@ use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
 
 use crate::announcer::TargetPublisher;
+use crate::module_order::{Deed, ModuleOrder};
 use crate::operator::OperatorOrder;
 use crate::parameters::PublisherParameters;
-use crate::retirement::Retirement;
 
 /// Announces the target of a scenario, and keeps it for late subscribers, until it is asked to stop.
 ///
@@ -90,6 +90,9 @@ struct OperatorArguments {
     /// Have this module take part again, and end
     #[arg(long, value_name = "ID")]
     rejoin_module: Option<u32>,
+    /// Push the body of this module, whose drive is simulated, so many metres along the axes, and end
+    #[arg(long, value_name = "ID,X,Y", value_parser = module_order::push_of, allow_hyphen_values = true)]
+    push_module: Option<ModuleOrder>,
 }
 
 /// What an operator orders.
@@ -97,7 +100,7 @@ enum Order {
     /// Of all modules, on a topic.
     OfAll(OperatorOrder),
     /// Of one module, by a service of its process.
-    OfOne(Retirement),
+    OfOne(ModuleOrder),
 }
 
 impl OperatorArguments {
@@ -105,11 +108,16 @@ impl OperatorArguments {
         if self.stop || self.resume {
             return Some(Order::OfAll(OperatorOrder::Stop(self.stop)));
         }
-        let retirements = [(self.retire_module, false), (self.rejoin_module, true)];
-        for (module, rejoins) in retirements {
-            if let Some(module) = module.map(ModuleId) {
-                return Some(Order::OfOne(Retirement { module, rejoins }));
-            }
+        let served = [
+            (self.retire_module, Deed::Retire),
+            (self.rejoin_module, Deed::Rejoin),
+        ];
+        let mut served = served.into_iter().filter_map(|(module, deed)| {
+            let module = module.map(ModuleId)?;
+            Some(ModuleOrder { module, deed })
+        });
+        if let Some(order) = served.next().or(self.push_module) {
+            return Some(Order::OfOne(order));
         }
         let modules = self.remove_module.iter().copied().map(ModuleId);
         let modules: BTreeSet<ModuleId> = modules.collect();
@@ -126,7 +134,7 @@ impl Program for Arguments {
         if let Some(order) = self.order.order(self.vote_too) {
             let outcome = match order {
                 Order::OfAll(order) => operator::command(&settings, order, stop)?,
-                Order::OfOne(retirement) => retirement::ask(&settings, retirement, stop)?,
+                Order::OfOne(order) => module_order::ask(&settings, order, stop)?,
             };
             tracing::info!("{outcome}");
             return Ok(STATUS_DONE);

@@ -44,6 +44,7 @@ TOPIC_TYPES = {
 # The same for services and actions.
 SERVICE_TYPES = {
     "add_module": "formation_msgs/srv/AddModule",
+    "push_module": "formation_msgs/srv/PushModule",
     "query_status": "formation_msgs/srv/QueryStatus",
     "retire_module": "formation_msgs/srv/RetireModule",
     "withdraw_target": "formation_msgs/srv/WithdrawTarget",

@@ -58,6 +58,23 @@ def lesson(program, domain, _):
         studio.await_stage("moving")
         studio.await_stage("COMPLETE")
         say(replanned=len(start_of(studio)))
+        settled = studio.browser.run("""
+            const { live } = window.formationStudio;
+            const spare = [...live.modules.values()].filter(({ id, phase }) => phase === "SETTLED" && !live.dead.has(id));
+            const { id, x, y } = spare.reduce((one, other) => (one.x < other.x ? one : other));
+            live.pick({ x, y });
+            return [id, x, y];
+        """)
+        studio.wait("the chosen module", 'return !document.getElementById("push").disabled')
+        studio.browser.click("#push")
+        studio.wait("the push", """
+            const [id, x, y] = arguments[0];
+            const module = window.formationStudio.live.modules.get(id);
+            return Math.hypot(module.x - x, module.y - y) > 0.5;
+        """, settled)
+        studio.await_stage("moving")
+        studio.await_stage("COMPLETE")
+        say(pushed=len(start_of(studio)))
         studio.browser.click("#clear")
         bar = [[(x, 6) for x in range(1, 6)], [(3, 5), (3, 4)]]
         for stroke in bar:

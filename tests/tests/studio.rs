@@ -235,6 +235,17 @@ fn eight_processes_form_an_h_lose_one_and_form_a_line_from_where_they_stand() {
     studio.order("run/rejoin", &json!({"module": 1}));
     studio.wait_for("the return of module 1", |state| !retired(state));
     studio.wait_for_complete(7);
+    // The settled module on the left end is pushed away.
+    let state = studio.state();
+    let settled = state["modules"].as_array().unwrap().iter();
+    let settled = settled.filter(|module| module["phase"] == "SETTLED");
+    let place = |module: &Value| module["x"].as_f64().unwrap();
+    let left = settled.min_by(|one, other| place(one).total_cmp(&place(other)));
+    let left = left.unwrap()["id"].as_u64().unwrap();
+    studio.order("run/push", &json!({"module": left, "x": -1.5, "y": 0.0}));
+    studio.wait_for("the push", |state| place(module_of(state, left)) < -1.0);
+    studio.wait_for("a module that moves", |state| state["stage"] == "moving");
+    studio.wait_for_complete(7);
     studio.order("run/restart", &json!({"module": 1}));
     studio.wait_for("the new process of module 1", |state| {
         state["log"].to_string().contains("Module 1 starts again")
@@ -322,6 +333,7 @@ fn what_is_hostile_is_refused_and_nothing_is_started() {
         "run/restart",
         "run/retire",
         "run/rejoin",
+        "run/push",
         "run/stop",
         "run/resume",
         "run/target",
@@ -354,6 +366,7 @@ fn an_attached_page_watches_a_run_and_cannot_change_it() {
         "run/restart",
         "run/retire",
         "run/rejoin",
+        "run/push",
         "run/stop",
         "run/resume",
         "run/target",

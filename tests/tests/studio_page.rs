@@ -43,6 +43,7 @@ fn a_lesson_is_drawn_planned_run_disturbed_and_goes_on_with_the_next_target() {
     let expected = [
         json!({ "formed": 8 }),
         json!({ "replanned": 7 }),
+        json!({ "pushed": 7 }),
         json!({ "next": next }),
         json!({ "faults": [] }),
     ];

@@ -14,7 +14,7 @@ use super::supervisor::ProcessId;
 pub const WITHOUT_END: Duration = Duration::from_secs(100 * 365 * 86_400);
 
 /// A line of the standard input.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OrderLine {
     /// What the answer names.
     pub number: u64,
@@ -23,7 +23,7 @@ pub struct OrderLine {
 }
 
 /// What can be ordered.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunOrder {
     /// Ends the process of a module as a crash would.
@@ -34,6 +34,8 @@ pub enum RunOrder {
     Retire(ModuleId),
     /// Lets it take part again.
     Rejoin(ModuleId),
+    /// Pushes its body so many units along the axes, as a hand would.
+    Push(ModuleId, f64, f64),
     /// Halts all modules.
     Stop,
     /// Lets them go on.

@@ -31,6 +31,7 @@ impl RunLoop<'_> {
             RunOrder::Restart(module) => self.restart(*module),
             RunOrder::Retire(module) => self.retire(*module, false),
             RunOrder::Rejoin(module) => self.retire(*module, true),
+            RunOrder::Push(module, x, y) => self.push(*module, (*x, *y)),
             RunOrder::Stop => {
                 self.give("the order to stop", &[operator::STOP.to_owned()]);
                 Ok(())
@@ -68,6 +69,17 @@ impl RunLoop<'_> {
             false => format!("the order to {module} to leave the formation"),
         };
         self.give(&what, &operator::retirement(module.0, rejoins));
+        Ok(())
+    }
+
+    fn push(&mut self, module: ModuleId, (x, y): (f64, f64)) -> Result<(), String> {
+        self.process_of(module)?;
+        let Some(attendance) = &self.attendance else {
+            return Err("this run takes no orders".to_owned());
+        };
+        let size = attendance.start.module_size.metres();
+        let order = operator::push(module.0, (x * size, y * size));
+        self.give(&format!("the push of {module}"), &order);
         Ok(())
     }
 

@@ -32,6 +32,11 @@ pub fn retirement(module: u32, rejoins: bool) -> Vec<String> {
     vec![option.to_owned(), module.to_string()]
 }
 
+/// The option that pushes a simulated module so many metres along the axes.
+pub fn push(module: u32, (x, y): (f64, f64)) -> Vec<String> {
+    vec![format!("--push-module={module},{x},{y}")]
+}
+
 /// Has a target publisher give a command, which ends once the modules show it.
 ///
 /// # Errors

@@ -227,6 +227,9 @@ impl Start<'_> {
         if self.arguments.plan_only {
             options.push("--plan-only");
         }
+        if self.arguments.attended {
+            options.push("--pushable");
+        }
         self.program(
             supervisor,
             host.program(),

@@ -52,7 +52,12 @@ impl Role {
     /// The services that it offers besides those of every node.
     fn serves(self) -> &'static [&'static str] {
         match self {
-            Self::Module => &["*/add_module", "*/retire_module", "*/remove_module"],
+            Self::Module => &[
+                "*/add_module",
+                "*/retire_module",
+                "*/push_module",
+                "*/remove_module",
+            ],
             Self::Publisher => &[
                 "query_status",
                 "withdraw_target",

@@ -45,6 +45,15 @@ struct OneModule {
     module: ModuleId,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Push {
+    module: ModuleId,
+    /// How far along each axis, in units.
+    x: f64,
+    y: f64,
+}
+
 /// Carries out an order; `None` if there is none of this name.
 pub fn carry_out(studio: &Studio, name: &str, body: &str) -> Option<Result<(), String>> {
     let order: fn(&Studio, &str) -> Result<(), String> = match name {
@@ -60,6 +69,10 @@ pub fn carry_out(studio: &Studio, name: &str, body: &str) -> Option<Result<(), S
         "run/rejoin" => {
             |studio, body| give(studio, RunOrder::Rejoin(read::<OneModule>(body)?.module))
         }
+        "run/push" => |studio, body| {
+            let Push { module, x, y } = read(body)?;
+            give(studio, RunOrder::Push(module, x, y))
+        },
         "run/stop" => |studio, _| give(studio, RunOrder::Stop),
         "run/resume" => |studio, _| give(studio, RunOrder::Resume),
         "run/end" => |studio, _| {

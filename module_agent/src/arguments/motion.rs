@@ -5,7 +5,7 @@ use std::time::Duration;
 use formation_model::MicroUnits;
 use formation_motion::{DEVIATION_LIMIT, ExternalParameters};
 use formation_node_support::{PoseSource, micro_units};
-use ros_runtime::parameters::{Tunable, Tunables, choice, number, seconds, text};
+use ros_runtime::parameters::{Tunable, Tunables, choice, number, seconds, switch, text};
 use ros_runtime::words::Words;
 
 /// What moves the modules.
@@ -30,6 +30,8 @@ pub struct Motion {
     pub mode: DriveMode,
     /// The speed of simulated modules, in units per second.
     pub speed: f64,
+    /// Whether `~/push_module` moves bodies of simulated modules.
+    pub pushable: bool,
     /// Which message of a driver has the pose.
     pub pose_source: PoseSource,
     /// The frame of goals and poses; `None` for the target's.
@@ -47,6 +49,7 @@ impl Default for Motion {
         Self {
             mode: DriveMode::default(),
             speed: 1.0,
+            pushable: false,
             pose_source: PoseSource::default(),
             frame_id: None,
             first_pose_limit: Duration::from_secs(30),
@@ -76,6 +79,13 @@ impl Tunables for Motion {
                 |own: &mut Self| &mut own.speed,
                 "Speed of simulated modules in units per second; applies from the next goal on",
             ),
+            Tunable::new(
+                "pushable",
+                switch(),
+                |own: &mut Self| &mut own.pushable,
+                "Serve ~/push_module, which moves the body of a simulated module as a hand would",
+            )
+            .at_start("services are offered from the start"),
             Tunable::new(
                 "external.pose_source",
                 choice("SOURCE"),

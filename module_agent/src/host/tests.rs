@@ -10,6 +10,7 @@ use formation_protocol::DurableState;
 
 use super::*;
 
+mod pushed;
 mod rejoining;
 
 const SCENARIO: &str = "

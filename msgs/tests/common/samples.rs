@@ -161,6 +161,15 @@ impl Collection {
             module_id,
             rejoin: include_waiting,
         });
+        self.add(&wire::PushModuleRequest {
+            module_id,
+            x: 0.5,
+            y: -1.5,
+        });
+        self.add(&wire::PushModuleResponse {
+            success,
+            message: message.clone(),
+        });
         self.add(&wire::RetireModuleResponse { success, message });
     }
 }

@@ -1,0 +1,119 @@
+//! Pushes of simulated modules, as hands push robots, and the ports that they tear open.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use formation_model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Pose};
+use formation_protocol::Agent;
+
+use super::Host;
+
+/// The least distance between two modules: one unit, less the tolerance of a pose.
+pub(crate) const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
+
+/// A simulated port opens when what it held is farther away than it was by more than this.
+const SLACK: MicroUnits = MicroUnits(MICRO_PER_UNIT / 4);
+
+/// How far away the modules were whose links both ends named.
+#[derive(Default)]
+pub(super) struct Docked(BTreeMap<(ModuleId, ModuleId), MicroUnits>);
+
+impl Host {
+    /// The poses of the hosted modules and of all other live ones, as far as they are known.
+    pub(crate) fn poses(&self) -> BTreeMap<ModuleId, Option<Pose>> {
+        let agents = || self.modules.iter().map(|hosted| &hosted.agent);
+        let peers = agents().flat_map(Agent::living_peers);
+        let peers = peers.map(|(module, state)| (module, state.map(|state| state.pose)));
+        let own = agents().map(|agent| (agent.module(), Some(agent.pose())));
+        peers.chain(own).collect()
+    }
+
+    /// The first module, other than this one, to which a place is too near for a body, and how near it is.
+    pub(crate) fn too_near(&self, module: ModuleId, pose: &Pose) -> Option<(ModuleId, MicroUnits)> {
+        let others = self
+            .poses()
+            .into_iter()
+            .filter(|&(other, _)| other != module);
+        let mut distances =
+            others.filter_map(|(other, place)| Some((other, place?.distance_to(pose))));
+        distances.find(|&(_, distance)| distance < DISTANCE_MIN)
+    }
+
+    /// Moves the body of a hosted module, and opens its ports. Returns what it is torn off.
+    ///
+    /// # Errors
+    /// Says why that is not possible.
+    pub(crate) fn push_body(
+        &mut self,
+        now: Duration,
+        module: ModuleId,
+        (x, y): (MicroUnits, MicroUnits),
+    ) -> Result<Vec<ModuleId>, String> {
+        let index = self
+            .index_of(module)
+            .ok_or_else(|| self.does_not_host(module))?;
+        let hosted = &self.modules[index];
+        let from = hosted.agent.pose();
+        let moved = |from: MicroUnits, by: MicroUnits| from.to_units() + by.to_units();
+        let theta = from.theta.to_units();
+        let pose = Pose::from_units(moved(from.x, x), moved(from.y, y), theta);
+        let pose = pose.map_err(|_| format!("{module} cannot be moved so far"))?;
+        if let Some((other, distance)) = self.too_near(module, &pose) {
+            return Err(format!(
+                "{other} is there, {:.2} module sizes away",
+                distance.to_units()
+            ));
+        }
+        let hosted = &mut self.modules[index];
+        let torn_off: Vec<ModuleId> = hosted.agent.links().iter().copied().collect();
+        if !hosted.drive.push(now, pose, torn_off.iter().copied()) {
+            return Err(format!("{module} has a driver of its own: push the robot"));
+        }
+        self.pass_reports(index, now);
+        Ok(torn_off)
+    }
+
+    /// Why a request for a module that this process does not host is refused.
+    pub(crate) fn does_not_host(&self, module: ModuleId) -> String {
+        let hosted = self.modules.iter().map(|hosted| hosted.identity.module.0);
+        format!(
+            "{module} is not hosted by this process, which hosts {}",
+            formation_model::text::joined(hosted, ", ")
+        )
+    }
+
+    /// Opens the simulated ports of modules whose neighbours were torn off: they name the link no more, and are farther away than they
+    /// were.
+    pub(super) fn open_torn_ports(&mut self, now: Duration) {
+        for index in 0..self.modules.len() {
+            let agent = &self.modules[index].agent;
+            let (own, pose) = (agent.module(), agent.pose());
+            let peers = agent.living_peers();
+            let mut torn = Vec::new();
+            for &other in agent.links() {
+                let Some(state) = peers.get(&other).copied().flatten() else {
+                    continue;
+                };
+                let distance = state.pose.distance_to(&pose);
+                if state.links.contains(&own) {
+                    self.docked.0.insert((own, other), distance);
+                    continue;
+                }
+                let was = self.docked.0.get(&(own, other));
+                if was.is_some_and(|&was| distance.0 > was.0 + SLACK.0) {
+                    torn.push(other);
+                }
+            }
+            let links = agent.links();
+            self.docked
+                .0
+                .retain(|(one, other), _| *one != own || links.contains(other));
+            for other in torn {
+                self.docked.0.remove(&(own, other));
+                if self.modules[index].drive.tear_off(other) {
+                    self.pass_reports(index, now);
+                }
+            }
+        }
+    }
+}
