@@ -22,15 +22,19 @@ use super::peer::Peer;
 const PERIODS: u32 = 2;
 
 impl Context {
-    /// How much earlier than before the heartbeats of modules of other processes come since a time, of those that were heard for long
-    /// enough to be compared.
+    /// How much earlier than before the heartbeats of modules of other processes come since a time, the least first; of those that were
+    /// heard for long enough to show the greatest of these gains.
     fn gains_since(&self, since: Duration) -> Vec<Duration> {
         let own = self.own.source;
         let is_other = |peer: &&Peer| own.is_none() || peer.source != own;
-        let clocks = self.peers.all().filter(is_other).flat_map(Peer::clocks);
+        let clocks = || self.peers.all().filter(is_other).flat_map(Peer::clocks);
+        let greatest = clocks().map(|clock| clock.gain_since(since)).max();
+        let greatest = greatest.unwrap_or_default();
         let period = self.parameters.heartbeat;
-        let compared = clocks.filter(|clock| clock.is_compared_at(since, period));
-        compared.map(|clock| clock.gain_since(since)).collect()
+        let compared = clocks().filter(|clock| clock.is_compared_at(since, greatest, period));
+        let mut gains: Vec<Duration> = compared.map(|clock| clock.gain_since(since)).collect();
+        gains.sort_unstable();
+        gains
     }
 }
 
@@ -70,7 +74,6 @@ impl Agent {
         }
         self.context.clock_doubt = None;
         let mut gains = self.context.gains_since(since);
-        gains.sort_unstable();
         let compared = gains.len();
         gains.retain(|&gain| gain > limit);
         // The others may have been suspended on the same machine. A link that was slower than this would have kept its module out.

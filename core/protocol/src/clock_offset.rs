@@ -8,6 +8,9 @@ const DRIFT_DIVISOR: u32 = 1_000;
 /// After this many periods between heartbeats the offset of a clock is taken for known.
 const PERIODS_KNOWN: u32 = 4;
 
+/// The first heartbeats come from a queue as long as they follow each other faster than a period by this factor.
+const QUEUE_DIVISOR: u32 = 8;
+
 /// Before that, the longer the gain, the shorter is the time in which it can be told from a queue of first heartbeats: their product, in
 /// periods, exceeds this.
 const PERIODS_PRODUCT: i128 = 10;
@@ -16,7 +19,7 @@ const PERIODS_PRODUCT: i128 = 10;
 #[derive(Clone, Copy, Debug, Hash)]
 pub(super) struct ClockOffset {
     start_us: i128,
-    /// When the first heartbeat came, and the latest.
+    /// When the first heartbeat came, or the last of a queue that began with it; and when the latest came.
     first_heard_at: Duration,
     heard_at: Duration,
     /// The start as it was known when no heartbeat had come for a while, and until when that is compared with.
@@ -74,12 +77,13 @@ impl ClockOffset {
             (self.before_us, self.before_until) = (expected, now + period / 2);
         }
         self.start_us = expected.min(micros(now) - micros(uptime));
+        let is_queued = now.saturating_sub(self.heard_at) < period / QUEUE_DIVISOR;
+        if is_queued && self.heard_at == self.first_heard_at {
+            self.first_heard_at = now;
+        }
         self.heard_at = now;
         let gain = self.before_us - self.start_us;
-        let known_for = micros(now.saturating_sub(self.first_heard_at));
-        let period_us = micros(period);
-        let exceeds_a_queue = known_for * gain > period_us * period_us * PERIODS_PRODUCT;
-        if gain > period_us && (self.is_known_at(now, period) || exceeds_a_queue) {
+        if gain > micros(period) && self.could_show(gain, now, period) {
             let gain = Duration::from_micros(u64::try_from(gain).unwrap_or(u64::MAX));
             self.gain = Some((now, gain));
         }
@@ -93,14 +97,22 @@ impl ClockOffset {
         Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
     }
 
-    /// Whether heartbeats come since a time, and had come for a while before it: the first ones may come late together, from a queue.
+    /// Whether heartbeats had come for a while before a time: the first ones may come late together, from a queue.
     fn is_known_at(&self, time: Duration, period: Duration) -> bool {
-        self.heard_at >= time && self.first_heard_at + period * PERIODS_KNOWN <= time
+        self.first_heard_at + period * PERIODS_KNOWN <= time
     }
 
-    /// Whether its heartbeats since a time can be compared with those before.
-    pub fn is_compared_at(&self, time: Duration, period: Duration) -> bool {
-        self.is_known_at(time, period) || self.gain.is_some_and(|(at, _)| at >= time)
+    /// Whether a gain of so many microseconds at a time could be told from a queue of first heartbeats.
+    fn could_show(&self, gain_us: i128, time: Duration, period: Duration) -> bool {
+        let known_for = micros(time.saturating_sub(self.first_heard_at));
+        let period_us = micros(period);
+        self.is_known_at(time, period)
+            || known_for * gain_us > period_us * period_us * PERIODS_PRODUCT
+    }
+
+    /// Whether heartbeats that came since a time could show such a gain.
+    pub fn is_compared_at(&self, time: Duration, gain: Duration, period: Duration) -> bool {
+        self.heard_at >= time && self.could_show(micros(gain), time, period)
     }
 
     /// By how much heartbeats since a time came earlier than those before, if that was more than the time between two: for as long
@@ -158,7 +170,7 @@ mod tests {
             one.add(later, at(20 + known_for + slept_for), PERIOD);
             let gain = one.gain_since(later);
             assert_eq!(gain >= at(slept_for), is_found, "{gain:?}");
-            assert_eq!(one.is_compared_at(later, PERIOD), is_found);
+            assert_eq!(one.is_compared_at(later, at(slept_for), PERIOD), is_found);
         }
     }
 
@@ -168,6 +180,12 @@ mod tests {
         let mut one = ClockOffset::first(at(9_000), at(20));
         for sent in 1..40 {
             one.add(at(9_000), at(20 + 500 * sent), PERIOD);
+        }
+        assert_eq!(one.gain_since(at(0)), Duration::ZERO);
+        // Slowly, as the machine is busy.
+        let mut one = ClockOffset::first(at(9_000), at(20));
+        for sent in 1..60 {
+            one.add(at(9_000 + 10 * sent), at(20 + 500 * sent), PERIOD);
         }
         assert_eq!(one.gain_since(at(0)), Duration::ZERO);
     }

@@ -27,8 +27,8 @@ pub(super) struct Peer {
     /// The latest state of another run that may yet take the place of this one: a state comes only once. A later run does so when
     /// this one is silent, and an earlier one when this one has been silent for long.
     pub kept: Option<KeptState>,
-    /// How the clock of a later run differs that is not let in yet.
-    kept_clock: Option<(Incarnation, ClockOffset)>,
+    /// How the clock of a later run differs that is not let in yet, by the heartbeats of one sender.
+    kept_clock: Option<((Incarnation, Option<SourceId>), ClockOffset)>,
     /// The later run that it, or a run before it, replaced after a long silence of that: a clock was set back in between.
     pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
@@ -115,7 +115,7 @@ impl Peer {
     /// Compares the clock of a later run while that is not let in: this process may be suspended before it is.
     pub fn compare_later(
         &mut self,
-        run: Incarnation,
+        run: (Incarnation, Option<SourceId>),
         now: Duration,
         uptime: Duration,
         period: Duration,
@@ -127,9 +127,8 @@ impl Peer {
 
     /// Lets the run in that takes the place of a former one.
     pub fn follow(&mut self, former: &Self) {
-        let kept = former
-            .kept_clock
-            .filter(|&(kept, _)| kept == self.incarnation);
+        let run = (self.incarnation, self.source);
+        let kept = former.kept_clock.filter(|&(kept, _)| kept == run);
         self.clock = kept.map(|(_, clock)| clock);
     }
 

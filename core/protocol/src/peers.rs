@@ -290,7 +290,7 @@ impl Peers {
                     && let Some(peer) = self.peers.get_mut(&run.module)
                 {
                     let (uptime, period) = (heartbeat.uptime, liveness.period);
-                    peer.compare_later(run.incarnation, now, uptime, period);
+                    peer.compare_later((run.incarnation, source), now, uptime, period);
                 }
                 return Err(refusal);
             }
@@ -577,10 +577,13 @@ mod tests {
             peers.handle_heartbeat(at(2), heartbeat(1, 2, 2), second),
             Err(Refusal::WrongSource)
         );
+        // What a stranger claims of its uptime is not held against it.
+        let _ = peers.handle_heartbeat(at(2), heartbeat(2, 9, 1_000_000), Some(SourceId(3)));
         assert_eq!(
             peers.handle_heartbeat(at(9), heartbeat(2, 2, 7), second),
             Ok(HeartbeatNews::New)
         );
+        assert!(peers.is_live(at(9), ModuleId(1)));
         assert_eq!(
             peers.handle_heartbeat(at(9), heartbeat(1, 3, 8), first),
             Err(Refusal::StaleIncarnation)
