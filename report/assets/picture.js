@@ -195,6 +195,7 @@ let zoom = 1;
 let middle = null;
 const fit = () => {
   const box = picture.getBoundingClientRect();
+  if (!box.width || !box.height) return;
   const scale = (width, height) => Math.min(box.width / width, box.height / height);
   const bare = scale(wide, high) < GRID_TEXT_MIN || zoom > 1;
   const size = [Number(floor.getAttribute("width")) + 4, Number(floor.getAttribute("height")) + 4];
@@ -217,7 +218,7 @@ const placeOf = (event) => {
 const zoomBy = (factor, about = middle) => {
   const before = zoom;
   zoom = Math.min(ZOOM_MAX, Math.max(1, zoom * factor));
-  middle = middle.map((at, index) => about[index] + ((at - about[index]) * before) / zoom);
+  middle = middle?.map((at, index) => about[index] + ((at - about[index]) * before) / zoom);
   fit();
 };
 // The wheel alone scrolls the page.
@@ -228,17 +229,17 @@ picture.addEventListener("wheel", (event) => {
 }, { passive: false });
 let grabbed = null;
 picture.addEventListener("pointerdown", (event) => {
-  if (zoom === 1) return;
+  if (zoom === 1 || event.button !== 0 || !event.isPrimary) return;
   grabbed = placeOf(event);
   picture.setPointerCapture(event.pointerId);
 });
 picture.addEventListener("pointermove", (event) => {
-  if (!grabbed) return;
+  if (!grabbed || !event.isPrimary) return;
   const at = placeOf(event);
   middle = middle.map((value, index) => value + grabbed[index] - at[index]);
   fit();
 });
-for (const end of ["pointerup", "pointercancel"]) picture.addEventListener(end, () => { grabbed = null; });
+for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) picture.addEventListener(end, () => { grabbed = null; });
 byId("zoom-in").addEventListener("click", () => zoomBy(1.4));
 byId("zoom-out").addEventListener("click", () => zoomBy(1 / 1.4));
 byId("fit").addEventListener("click", () => zoomBy(0));

@@ -8,11 +8,11 @@ const control = (id) => document.getElementById(id);
 export class Player {
   /** `show` is called with the time of each frame, or with null when the film is left; `keys` is where keys control the player. */
   constructor(show, keys) {
-    Object.assign(this, { show, film: null, time: null, playing: false, box: control("player") });
+    Object.assign(this, { show, film: null, time: null, playing: false, showsTurns: false, box: control("player") });
     this.calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
     [this.scrub, this.speed, this.turns] = ["scrub", "speed", "turns"].map(control);
     const acts = {
-      play: () => this.toggle(), start: () => this.seek(this.first), finish: () => this.seek(this.film.length),
+      play: () => this.toggle(), start: () => this.seek(this.first), finish: () => this.seek(this.length),
       back: () => this.step(-1), forward: () => this.step(1), turns: () => this.showTurns(this.first > 0),
     };
     for (const [id, act] of Object.entries(acts)) control(id).addEventListener("click", act);
@@ -23,15 +23,15 @@ export class Player {
     keys.addEventListener("keydown", (event) => this.press(event));
   }
 
-  /** Takes in another film, or none; it is shown once it is played. */
-  load(film) {
+  /** Takes in another film, or none; it is shown once it is played, for as long as the longest of those that are shown beside it. */
+  load(film, length = film?.length) {
     this.pause();
-    this.film = film;
+    Object.assign(this, { film, length });
     for (const one of this.box.querySelectorAll("button, #scrub")) one.disabled = !film;
-    this.scrub.max = film?.length ?? 1;
+    this.scrub.max = length ?? 1;
     this.turns.hidden = !film?.begin;
-    this.limit(film?.begin ?? 0);
-    control("clock").textContent = film ? `${film.seconds(film.length).toFixed(2)} s` : "";
+    this.limit(this.showsTurns ? 0 : film?.begin ?? 0);
+    control("clock").textContent = film ? `${film.seconds(length).toFixed(2)} s` : "";
     this.leave();
   }
 
@@ -50,6 +50,7 @@ export class Player {
   }
 
   showTurns(shown) {
+    this.showsTurns = shown;
     this.limit(shown ? 0 : this.film.begin);
     this.seek(this.first);
   }
@@ -66,14 +67,18 @@ export class Player {
   }
 
   play() {
-    if (this.time == null || this.time >= this.film.length) this.seek(this.first);
+    if (this.time == null || this.time >= this.length) this.seek(this.first);
     this.mark(true);
     this.previous = null;
-    requestAnimationFrame((now) => this.tick(now));
+    this.frame = requestAnimationFrame((now) => this.tick(now));
   }
 
   pause() {
+    if (!this.playing) return;
+    cancelAnimationFrame(this.frame);
     this.mark(false);
+    // It stands, so all that is shown can be read.
+    this.seek(this.time);
   }
 
   mark(playing) {
@@ -83,19 +88,18 @@ export class Player {
   }
 
   tick(now) {
-    if (!this.playing) return;
     const passed = Math.min((now - (this.previous ?? now)) / 1000, FRAME_MAX_S);
     this.previous = now;
     this.seek(this.time + passed * Number(this.speed.value));
-    if (this.time >= this.film.length) this.pause();
-    else requestAnimationFrame((next) => this.tick(next));
+    if (this.time >= this.length) this.pause();
+    else this.frame = requestAnimationFrame((next) => this.tick(next));
   }
 
   /** Whoever wants no motion sees each step when it begins. */
   seek(time) {
-    this.time = Math.min(Math.max(time, this.first), this.film.length);
+    this.time = Math.min(Math.max(time, this.first), this.length);
     this.scrub.value = this.time;
-    const isStill = this.calm && this.playing && this.time < this.film.length;
+    const isStill = this.calm && this.playing && this.time < this.length;
     const shown = isStill ? Math.max(this.film.beginOfStep(this.time), this.first) : this.time;
     this.box.dataset.time = this.time;
     control("clock").textContent = `${this.film.seconds(shown).toFixed(2)} s`;
@@ -118,7 +122,7 @@ export class Player {
     else if (event.key === "ArrowRight") this.step(1);
     else if (event.key === "ArrowLeft") this.step(-1);
     else if (event.key === "Home") this.seek(this.first);
-    else if (event.key === "End") this.seek(this.film.length);
+    else if (event.key === "End") this.seek(this.length);
     else return;
     event.preventDefault();
   }

@@ -142,7 +142,7 @@ async function plan() {
   } else {
     const planned = [one, other].filter((it) => it?.status === "fulfilled").map((it) => it.value);
     films = [new Film(planned[0].film), planned[1] ? new Film(planned[1].film) : null];
-    player.load(films[0]);
+    player.load(films[0], Math.max(...films.filter(Boolean).map(({ length }) => length)));
     outcome.className = "outcome";
     outcome.textContent = planned[0].outcome;
     listFindings(planned[0].findings);

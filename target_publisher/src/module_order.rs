@@ -127,6 +127,10 @@ pub(crate) fn ask(
             Some(Err(refusal)) => refusal,
             None => format!("no answer within {} s", ANSWER_LIMIT.as_secs()),
         };
+        // The node of that name hosts it, so no other does.
+        if name.ends_with(&own_node) {
+            return Err(RosContextError::Failed(format!("`{name}`: {refusal}")));
+        }
         refusals.insert(name, refusal);
     }
     if !stop.is_empty() {
@@ -138,9 +142,14 @@ pub(crate) fn ask(
         .collect();
     Err(RosContextError::Failed(match asked.is_empty() {
         true => format!(
-            "no process of modules was found in domain {}, namespace {namespace}, within {} s",
+            "no process of modules that serves {service} was found in domain {}, namespace {namespace}, within {} s{}",
             settings.environment.domain,
-            PATIENCE.as_secs()
+            PATIENCE.as_secs(),
+            match order.deed {
+                Deed::Push(..) =>
+                    "; modules are pushed if their agents are started with --pushable",
+                Deed::Retire | Deed::Rejoin => "",
+            }
         ),
         false => format!(
             "no process took the command for {module}: {}",

@@ -11,12 +11,22 @@ use super::Host;
 /// The least distance between two modules: one unit, less the tolerance of a pose.
 pub(crate) const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
 
-/// A simulated port opens when what it held is farther away than it was by more than this.
+/// A simulated port opens when what it held is farther than this from where it was. A shorter push would tear nothing off.
 const SLACK: MicroUnits = MicroUnits(MICRO_PER_UNIT / 4);
 
-/// How far away the modules were whose links both ends named.
+/// Where the modules were, in the frame of the module that is docked to them, while both ends named the link.
 #[derive(Default)]
-pub(super) struct Docked(BTreeMap<(ModuleId, ModuleId), MicroUnits>);
+pub(super) struct Docked(BTreeMap<(ModuleId, ModuleId), (f64, f64)>);
+
+/// Where a pose is in the frame of another one, in units.
+fn seen_from(from: &Pose, pose: &Pose) -> (f64, f64) {
+    let (x, y) = (
+        pose.x.to_units() - from.x.to_units(),
+        pose.y.to_units() - from.y.to_units(),
+    );
+    let (sine, cosine) = from.theta.to_units().sin_cos();
+    (x * cosine + y * sine, y * cosine - x * sine)
+}
 
 impl Host {
     /// The poses of the hosted modules and of all other live ones, as far as they are known.
@@ -52,6 +62,13 @@ impl Host {
         let index = self
             .index_of(module)
             .ok_or_else(|| self.does_not_host(module))?;
+        let length = x.to_units().hypot(y.to_units());
+        if length <= SLACK.to_units() {
+            return Err(format!(
+                "a push of {length:.2} module sizes is too short: it must be more than {}",
+                SLACK.to_units()
+            ));
+        }
         let hosted = &self.modules[index];
         let from = hosted.agent.pose();
         let moved = |from: MicroUnits, by: MicroUnits| from.to_units() + by.to_units();
@@ -82,11 +99,16 @@ impl Host {
         )
     }
 
-    /// Opens the simulated ports of modules whose neighbours were torn off: they name the link no more, and are farther away than they
-    /// were.
+    /// Opens the simulated ports of modules whose neighbours were torn off: they name the link no more, and are not where they were.
     pub(super) fn open_torn_ports(&mut self, now: Duration) {
+        if !self.motion.pushable {
+            return;
+        }
         for index in 0..self.modules.len() {
             let agent = &self.modules[index].agent;
+            if agent.links().is_empty() {
+                continue;
+            }
             let (own, pose) = (agent.module(), agent.pose());
             let peers = agent.living_peers();
             let mut torn = Vec::new();
@@ -94,20 +116,15 @@ impl Host {
                 let Some(state) = peers.get(&other).copied().flatten() else {
                     continue;
                 };
-                let distance = state.pose.distance_to(&pose);
+                let seen = seen_from(&pose, &state.pose);
                 if state.links.contains(&own) {
-                    self.docked.0.insert((own, other), distance);
-                    continue;
-                }
-                let was = self.docked.0.get(&(own, other));
-                if was.is_some_and(|&was| distance.0 > was.0 + SLACK.0) {
+                    self.docked.0.insert((own, other), seen);
+                } else if let Some(was) = self.docked.0.get(&(own, other))
+                    && (was.0 - seen.0).hypot(was.1 - seen.1) > SLACK.to_units()
+                {
                     torn.push(other);
                 }
             }
-            let links = agent.links();
-            self.docked
-                .0
-                .retain(|(one, other), _| *one != own || links.contains(other));
             for other in torn {
                 self.docked.0.remove(&(own, other));
                 if self.modules[index].drive.tear_off(other) {

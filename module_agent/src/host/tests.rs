@@ -55,6 +55,7 @@ fn host_with(scenario: &str, modules: &[u32], stores: Option<&Path>) -> (Host, M
     let source = SourceId(u128::from(modules[0]) + 100);
     let motion = Motion {
         speed: 5.0,
+        pushable: true,
         ..Motion::default()
     };
     let host = Host::new(

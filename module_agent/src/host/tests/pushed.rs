@@ -43,13 +43,17 @@ fn a_settled_module_that_is_pushed_is_torn_off_on_both_sides_and_comes_back() {
             MicroUnits(other.y.0 - place.y.0),
         )
     };
+    let short = (MicroUnits(UNIT / 5), MicroUnits(0));
+    let refused = hosts[index].push_body(formed, ModuleId(end), short);
+    assert!(refused.unwrap_err().contains("too short"));
     let refused = hosts[index].push_body(formed, ModuleId(end), beside);
     assert!(
         refused
             .unwrap_err()
             .contains("is there, 0.00 module sizes away")
     );
-    let way = (MicroUnits(0), MicroUnits(3 * UNIT / 2));
+    // It ends beside its neighbour, as near as before.
+    let way = (MicroUnits(UNIT), MicroUnits(UNIT));
     assert_eq!(
         hosts[index].push_body(formed, ModuleId(end), way),
         Ok(vec![neighbour])
