@@ -119,14 +119,14 @@ const render = (time) => {
   const { modules, spots, step, caption } = scene;
   const spotOf = new Map(spots.map((spot) => [spot.id, spot]));
   spots.forEach(({ state }, index) => setAttribute(spotElements[index], "data-state", state));
-  modules.forEach(({ x, y, theta, phase, spot }, index) => {
+  modules.forEach(({ x, y, theta, phase, spot, goes }, index) => {
     setAttribute(moduleElements[index], "transform", `translate(${x.toFixed(2)} ${y.toFixed(2)})`);
     setAttribute(bodies[index], "transform", `rotate(${degrees(theta).toFixed(1)})`);
     setAttribute(moduleElements[index], "data-phase", phase);
     setText(phaseCells[index], PHASES[phase] + (spot === null ? "" : `, spot ${spot}`));
-    const goes = isChosen("paths") && (phase === "MOVING" || (spot !== null && phase !== "SETTLED"));
-    show(ways[index].line, goes);
-    if (goes) drawWay(ways[index], index, time, spotOf.get(spot));
+    const hasWay = goes && isChosen("paths");
+    show(ways[index].line, hasWay);
+    if (hasWay) drawWay(ways[index], index, time, spotOf.get(spot));
     show(trails[index], isChosen("trails"));
     if (isChosen("trails")) setAttribute(trails[index], "d", lineThrough(film.trail(index, time)));
   });

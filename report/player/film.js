@@ -16,7 +16,7 @@ const valueAt = (list, time, otherwise) => list[lastAt(list, time)]?.[1] ?? othe
 const between = (from, to, share) => from + (to - from) * share;
 /** In the direction of the smaller angle. */
 const angleBetween = (from, to, share) => from + (((((to - from) % 360) + 540) % 360) - 180) * share;
-const timeOfStep = ({ at }) => at;
+const timeIn = ({ at }) => at;
 /** The phases in which a module is at an end of its way. */
 const ENDS = new Set(["SETTLED", "SPARE", "LISTENING", "GATHERED"]);
 
@@ -44,7 +44,7 @@ export class Film {
   }
 
   pose(track, time) {
-    const index = Math.max(lastAt(track, time, timeOfStep), 0);
+    const index = Math.max(lastAt(track, time, timeIn), 0);
     const [from, to] = [track[index], track[index + 1]];
     if (!to || time <= from.at) return { x: from.x, y: from.y, theta: this.angle(from.turn), stands: !to || (to.x === from.x && to.y === from.y) };
     const share = (time - from.at) / (to.at - from.at);
@@ -67,8 +67,9 @@ export class Film {
       const state = holder === null ? "free" : modules[holder].phase === "SETTLED" ? "filled" : "claimed";
       return { id, x, y, theta, state };
     });
+    for (const module of modules) module.goes = module.phase === "MOVING" || (module.spot !== null && module.phase !== "SETTLED");
     const links = this.links.filter(({ from, until }) => from <= time && time < until);
-    const step = lastAt(this.steps, time, timeOfStep);
+    const step = lastAt(this.steps, time, timeIn);
     const { text = "", acting = [], evicted = [] } = this.steps[step] ?? {};
     return { modules, spots, links, step, caption: text, acting, evicted, stage: valueAt(this.stages, time, "") };
   }
@@ -95,7 +96,7 @@ export class Film {
   /** The way of a module from the first motion up to a time. */
   trail(index, time) {
     const { track } = this.modules[index];
-    const passed = track.slice(Math.max(0, lastAt(track, this.begin, timeOfStep)), lastAt(track, time, timeOfStep) + 1);
+    const passed = track.slice(Math.max(0, lastAt(track, this.begin, timeIn)), lastAt(track, time, timeIn) + 1);
     return [...passed, this.pose(track, time)];
   }
 
@@ -113,20 +114,20 @@ export class Film {
     return (next ? between(passed, next[1], (time - from) / (next[0] - from)) : passed) / 1000;
   }
 
-  /** When the step before or after a time begins; the ends of the film beyond them. */
-  neighbour(time, direction, first) {
-    const times = this.steps.map(timeOfStep);
-    return direction > 0 ? times.find((at) => at > time + 1e-6) ?? this.length : times.findLast((at) => at < time - 1e-6) ?? first;
+  /** When the step before or after a time begins; beyond them, the first or the last time that is shown. */
+  neighbour(time, direction, [first, last]) {
+    const times = this.steps.map(timeIn);
+    return direction > 0 ? times.find((at) => at > time + 1e-6) ?? last : times.findLast((at) => at < time - 1e-6) ?? first;
   }
 
   /** When the step of a time began. */
   beginOfStep(time) {
-    return this.steps[lastAt(this.steps, time, timeOfStep)]?.at ?? 0;
+    return this.steps[lastAt(this.steps, time, timeIn)]?.at ?? 0;
   }
 }
 
 /** The cells of a lattice through a place that a body is on. */
-export function cellsOf({ x, y }, { x: left, y: low, theta = 0 }, unit = 1) {
+function cellsOf({ x, y }, { x: left, y: low, theta }, unit) {
   const [cosine, sine] = [Math.cos(theta), Math.sin(theta)];
   const along = [(x - left) * cosine + (y - low) * sine, (y - low) * cosine - (x - left) * sine];
   const near = (at) => (Math.abs(at - Math.round(at)) < 0.02 ? [Math.round(at)] : [Math.floor(at), Math.ceil(at)]);

@@ -108,7 +108,7 @@ export class Player {
 
   step(direction) {
     this.pause();
-    this.seek(this.film.neighbour(this.time ?? this.first, direction, this.first));
+    this.seek(this.film.neighbour(this.time ?? this.first, direction, [this.first, this.length]));
   }
 
   press(event) {

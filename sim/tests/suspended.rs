@@ -23,6 +23,14 @@ fn is_found(event: &Event) -> bool {
     matches!(event, Event::ClockStoodStill(_))
 }
 
+/// A formation of modules that have formed and heard each other for long enough.
+fn formed(modules: usize, grouping: Grouping, seed: u64) -> Trial {
+    let mut trial = Trial::new(&drawn(modules, modules, grouping, seed), seed);
+    trial.until_formed_again();
+    trial.run_for(KNOWN);
+    trial
+}
+
 fn until_noted(trial: &mut Trial, wanted: impl Fn(&Event) -> bool) {
     for _ in 0..6_000 {
         if trial.count(&wanted) > 0 {
@@ -39,10 +47,7 @@ fn until_noted(trial: &mut Trial, wanted: impl Fn(&Event) -> bool) {
 fn a_module_whose_clock_stood_still_is_back_on_its_spot_within_a_minute() {
     for turn in 0..30 {
         let (seed, modules) = (turn as u64, 2 + turn % 9);
-        let problem = drawn(modules, modules, Grouping::Mixed, seed);
-        let mut trial = Trial::new(&problem, seed);
-        trial.until_formed_again();
-        trial.run_for(KNOWN);
+        let mut trial = formed(modules, Grouping::Mixed, seed);
         let running = trial.cluster.running();
         let mut running = running.iter().cycle().skip(turn);
         let module = *running.next().unwrap();
@@ -60,10 +65,7 @@ fn a_module_whose_clock_stood_still_is_back_on_its_spot_within_a_minute() {
 /// Of two that wake one after the other, the second compares itself with those that go on and with the first, whose clock is later.
 #[test]
 fn two_of_three_machines_that_were_suspended_both_begin_new_runs() {
-    let problem = drawn(3, 3, Grouping::Singletons, 5);
-    let mut trial = Trial::new(&problem, 5);
-    trial.until_formed_again();
-    trial.run_for(KNOWN);
+    let mut trial = formed(3, Grouping::Singletons, 5);
     trial.cluster.suspend(ModuleId(1), SUSPENDED);
     trial.run_for(Duration::from_secs(5));
     trial.cluster.suspend(ModuleId(2), SUSPENDED / 2);
@@ -78,10 +80,7 @@ fn two_of_three_machines_that_were_suspended_both_begin_new_runs() {
 fn a_machine_that_is_suspended_again_as_soon_as_it_woke_begins_another_run() {
     let again = [(150, 30), (400, 30), (1_400, 30), (1_400, 4)];
     for (turn, (millis, seconds)) in again.into_iter().enumerate() {
-        let problem = drawn(5, 5, Grouping::Singletons, 6);
-        let mut trial = Trial::new(&problem, turn as u64);
-        trial.until_formed_again();
-        trial.run_for(KNOWN);
+        let mut trial = formed(5, Grouping::Singletons, 6 + turn as u64);
         trial.cluster.suspend(ModuleId(3), SUSPENDED / 2);
         until_noted(&mut trial, is_found);
         trial.run_for(Duration::from_millis(millis));
@@ -97,10 +96,7 @@ fn a_machine_that_is_suspended_again_as_soon_as_it_woke_begins_another_run() {
 /// has only heard.
 #[test]
 fn a_machine_that_is_suspended_while_it_refuses_the_new_run_of_another_begins_a_new_run() {
-    let problem = drawn(2, 2, Grouping::Singletons, 5);
-    let mut trial = Trial::new(&problem, 5);
-    trial.until_formed_again();
-    trial.run_for(KNOWN);
+    let mut trial = formed(2, Grouping::Singletons, 5);
     trial.cluster.suspend(ModuleId(1), SUSPENDED / 10);
     until_noted(&mut trial, |event| {
         matches!(event, Event::DuplicateModule(ModuleId(1)))
@@ -115,10 +111,7 @@ fn a_machine_that_is_suspended_while_it_refuses_the_new_run_of_another_begins_a_
 /// Four of five stand on one machine: they are no evidence for each other.
 #[test]
 fn most_of_a_formation_on_one_machine_begins_new_runs_after_a_suspension() {
-    let problem = drawn(5, 5, Grouping::Singletons, 4);
-    let mut trial = Trial::new(&problem, 4);
-    trial.until_formed_again();
-    trial.run_for(KNOWN);
+    let mut trial = formed(5, Grouping::Singletons, 4);
     for module in 2..=5 {
         trial.cluster.suspend(ModuleId(module), SUSPENDED);
     }

@@ -62,16 +62,15 @@ function drawn() {
 function sceneOf(film, base, time) {
   const now = film.at(time);
   const modules = now.modules.map(base.coloured);
-  const goes = ({ phase, spot }) => phase === "MOVING" || (spot !== null && phase !== "SETTLED");
   const ring = (list, kind) => list.map((index) => ({ x: modules[index].x, y: modules[index].y, kind }));
   const waiting = now.modules.flatMap(({ waits }, index) => (waits ? [index] : []));
   return {
-    ...base, modules,
+    ...base, modules, caption: now.caption,
     links: now.links.map(({ one, other, fate }) => [modules[one].id, modules[other].id, fate]),
     states: new Map(now.spots.map(({ id, state }) => [id, state])),
     marks: [...ring(now.acting, "path"), ...ring(now.evicted, "bad")],
     waiting: isChosen("waits") ? ring(waiting, "soft") : [],
-    paths: isChosen("paths") ? modules.flatMap((module, index) => (goes(module) ? [film.way(index, time).points] : [])) : [],
+    paths: isChosen("paths") ? modules.flatMap(({ goes }, index) => (goes ? [film.way(index, time).points] : [])) : [],
     trails: isChosen("trails") ? modules.map(({ colour }, index) => ({ way: film.trail(index, time), colour })) : [],
     cells: isChosen("cells") ? modules.flatMap((module) => film.cells(module).map((cell) => ({ ...cell, colour: module.colour }))) : [],
   };
@@ -82,12 +81,12 @@ function render(time = player.time) {
   const base = drawn();
   const [film, other] = films;
   const isPlaying = time != null && film;
-  const scene = (shown) => sceneOf(shown, base, Math.min(time, shown.length));
-  part("caption").textContent = isPlaying ? film.at(time).caption : "";
+  const sceneAt = (shown) => (isPlaying ? sceneOf(shown, base, Math.min(time, shown.length)) : base);
+  const scene = film ? sceneAt(film) : base;
+  part("caption").textContent = scene.caption ?? "";
   part("caption").setAttribute("aria-live", player.playing ? "off" : "polite");
-  if (other) second.show(isPlaying ? scene(other) : base);
-  if (isPlaying) stage.show(scene(film));
-  else stage.show(isWatching() ? { ...base, ...live.scene() } : base);
+  if (other) second.show(sceneAt(other));
+  stage.show(!isPlaying && isWatching() ? { ...base, ...live.scene() } : scene);
 }
 
 function listFindings(list) {

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use formation_model::text::joined;
 use formation_model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Pose};
 use formation_protocol::Agent;
 
 use super::Host;
 
 /// The least distance between two modules: one unit, less the tolerance of a pose.
-pub(crate) const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
+const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
 
 /// A simulated port opens when what it held is farther than this from where it was. A shorter push would tear nothing off.
 const SLACK: MicroUnits = MicroUnits(MICRO_PER_UNIT / 4);
@@ -95,7 +96,7 @@ impl Host {
         let hosted = self.modules.iter().map(|hosted| hosted.identity.module.0);
         format!(
             "{module} is not hosted by this process, which hosts {}",
-            formation_model::text::joined(hosted, ", ")
+            joined(hosted, ", ")
         )
     }
 
