@@ -529,7 +529,9 @@ impl Host {
                 self.modules[index].state = Some(Arc::clone(state));
                 self.modules[index].state_is_new = true;
             }
-            Message::Heartbeat(heartbeat) => self.modules[index].heartbeat = Some(*heartbeat),
+            Message::Heartbeat(heartbeat) => {
+                self.modules[index].heartbeat = Some(heartbeat.clone())
+            }
             Message::Roster(roster) => self.outgoing.push(Outgoing::Roster(roster.clone())),
             Message::Claim(claim) => self.outgoing.push(Outgoing::Claim(Arc::clone(claim))),
             Message::Eviction(notice) => {

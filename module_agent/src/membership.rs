@@ -150,6 +150,7 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
 mod tests {
     use formation_model::{Heartbeat, Incarnation, Message, Pose, SourceId, Stop};
     use formation_protocol::AgentParameters;
+    use std::sync::Arc;
 
     use super::*;
     use crate::arguments::{DriveMode, Motion};
@@ -243,6 +244,7 @@ mod tests {
             steps_done: 0,
             phase: ModulePhase::Listening,
             stop: Stop::default(),
+            misses: Arc::default(),
         };
         host.take_message(SourceId(2), Message::Heartbeat(heartbeat));
         host.advance(NOW);

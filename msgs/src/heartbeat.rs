@@ -2,6 +2,9 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use formation_model as model;
 use formation_model::{Incarnation, ModuleId, ModuleSize};
 use serde::{Deserialize, Serialize};
@@ -37,6 +40,7 @@ pub struct ModuleHeartbeat {
 pub struct Heartbeat {
     pub protocol_version: u32,
     pub session: u64,
+    pub misses: Vec<u32>,
     pub modules: Vec<ModuleHeartbeat>,
     pub module_size: f64,
 }
@@ -63,7 +67,7 @@ impl From<&model::Heartbeat> for ModuleHeartbeat {
 }
 
 impl ModuleHeartbeat {
-    pub(crate) fn validated(&self) -> Checked<model::Heartbeat> {
+    fn validated(&self, misses: &Arc<[ModuleId]>) -> Checked<model::Heartbeat> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
         let digest = check::digest(epoch, self.has_digest, self.digest)?;
@@ -94,20 +98,27 @@ impl ModuleHeartbeat {
             steps_done: self.steps_done,
             phase: phase_from_wire(self.phase)?,
             stop: self.stop.to_core(),
+            misses: Arc::clone(misses),
         })
     }
 }
 
 impl Heartbeat {
-    /// One sample of the heartbeats of all modules that a process hosts.
+    /// One sample of the heartbeats of modules that a process hosts: what one of them misses, the process misses.
     pub fn new<'a>(
         heartbeats: impl IntoIterator<Item = &'a model::Heartbeat>,
         size: ModuleSize,
     ) -> Self {
+        let mut misses = BTreeSet::new();
+        let heartbeats = heartbeats.into_iter().inspect(|heartbeat| {
+            misses.extend(heartbeat.misses.iter().map(|module| module.0));
+        });
+        let modules = heartbeats.map(ModuleHeartbeat::from).collect();
         Self {
             protocol_version: PROTOCOL_VERSION,
             session: 0,
-            modules: heartbeats.into_iter().map(ModuleHeartbeat::from).collect(),
+            misses: misses.into_iter().collect(),
+            modules,
             module_size: size.metres(),
         }
     }
@@ -116,7 +127,8 @@ impl Heartbeat {
     pub(crate) fn validated(self, size: ModuleSize) -> Checked<Vec<model::Heartbeat>> {
         check::version(self.protocol_version)?;
         check::module_size(self.module_size, size)?;
-        let validate = ModuleHeartbeat::validated;
+        let misses = check::module_ids("misses", &self.misses, MODULES_MAX)?.into();
+        let validate = |module: &ModuleHeartbeat| module.validated(&misses);
         let heartbeats = check::entries("modules", &self.modules, MODULES_MAX, validate)?;
         let modules = heartbeats.iter().map(|heartbeat| heartbeat.module);
         check::distinct("modules", modules)?;

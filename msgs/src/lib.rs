@@ -130,7 +130,7 @@ macro_rules! interfaces {
                 Eviction => model::EvictionNotice, EVICTIONS;
                 EvictionRecord;
                 Heartbeat => Vec<model::Heartbeat>, HEARTBEATS, with_lengths;
-                ModuleHeartbeat => model::Heartbeat, HEARTBEATS;
+                ModuleHeartbeat;
                 ModuleState => model::ModuleState, MODULE_STATES, with_lengths;
                 ModuleStates => Vec<model::ModuleState>, MODULE_STATES, with_lengths;
                 OperatorCommand => Vec<model::Message>, COMMANDS;

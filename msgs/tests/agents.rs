@@ -62,7 +62,7 @@ fn check(said: &Message, coverage: &mut Coverage) {
         Message::OtherSessionState(_) | Message::Stop(_) | Message::Removal(_) => {}
         Message::Heartbeat(heartbeat) => {
             let sent = over_the_wire(wire::Heartbeat::new([heartbeat], SIZE));
-            assert_eq!(sent.into_core(SIZE), Ok(vec![*heartbeat]));
+            assert_eq!(sent.into_core(SIZE), Ok(vec![heartbeat.clone()]));
             coverage.heartbeats_with_digest += usize::from(heartbeat.digest.is_some());
         }
     }

@@ -522,11 +522,17 @@ fn heartbeats() {
     let valid = wire::Heartbeat {
         protocol_version: PROTOCOL_VERSION,
         session: 8,
+        misses: vec![2, 7],
         modules: vec![heartbeat(4), heartbeat(1)],
         module_size: 1.0,
     };
     refusals!(valid, Vec<model::Heartbeat>:
         sample => sample.modules[1].module_id = 4, "heartbeats: modules[1]: module 4 is listed twice";
+        sample => sample.modules[1].module_id = NONE,
+            "heartbeats: modules[1].module_id: 4294967295 stands for none and cannot be used here";
+        sample => sample.misses[1] = NONE,
+            "heartbeats: misses[1]: module 4294967295 stands for none and cannot be used here";
+        sample => sample.misses[1] = 1, "heartbeats: misses[1]: module 1 must stand after module 2, the list ascends";
         sample => sample.modules[1].uptime.sec = -1,
             "heartbeats: modules[1].uptime: needs sec >= 0 and nanosec < 10^9";
         sample => sample.modules[1].uptime.nanosec = 1_000_000_000,
@@ -554,10 +560,6 @@ fn heartbeats() {
              WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9, COMPUTING 10";
         sample => sample.modules = vec![heartbeat(1); bounds::MODULES_MAX + 1],
             "heartbeats: modules: 10001 entries, at most 10000 are allowed";
-    );
-    refusals!(heartbeat(1), model::Heartbeat:
-        heartbeat => heartbeat.module_id = NONE,
-            "heartbeats: module_id: 4294967295 stands for none and cannot be used here";
     );
 }
 

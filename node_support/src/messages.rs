@@ -326,6 +326,7 @@ mod tests {
             steps_done: 0,
             phase: ModulePhase::Listening,
             stop: Stop::default(),
+            misses: Arc::default(),
         }
     }
 

@@ -402,6 +402,7 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
         EpochReason::NewTarget => of("new_target"),
         EpochReason::DigestMismatch => of("digest_mismatch"),
         EpochReason::Silent(modules) => of("silent").modules("modules", modules),
+        EpochReason::NotReceived(modules) => of("not_received").modules("modules", modules),
         EpochReason::Displaced(displaced) => {
             let named = displaced.iter();
             let named = named.map(|(module, distance)| format!("{}({distance})", module.0));

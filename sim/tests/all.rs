@@ -14,6 +14,7 @@ mod faults;
 mod forming;
 mod given;
 mod lapse;
+mod one_way_links;
 mod planning;
 mod service;
 mod stop;

@@ -133,6 +133,7 @@ fn pin_after_a_withdrawn_goal(mutation: Option<Mutation>) -> Option<SpotId> {
         steps_done: 0,
         phase: ModulePhase::Spare,
         stop: Stop::default(),
+        misses: Arc::default(),
     };
     let state = ModuleState::standing(run, Pose::default());
     module.handle(vec![

@@ -50,7 +50,8 @@ impl FormationStatus {
             let is_new = known.is_none_or(|(known, _)| order(known) < order(heartbeat));
             let has_room = known.is_some() || self.heartbeats.len() < MODULES_MAX;
             if is_new && has_room {
-                self.heartbeats.insert(heartbeat.module, (*heartbeat, now));
+                self.heartbeats
+                    .insert(heartbeat.module, (heartbeat.clone(), now));
             }
         }
     }

@@ -279,7 +279,7 @@ impl Node for Operator {
                 self.first.get_or_insert(now);
                 let is_known = self.heartbeats.contains_key(&heartbeat.module);
                 if is_known || self.heartbeats.len() < MODULES_MAX {
-                    self.heartbeats.insert(heartbeat.module, *heartbeat);
+                    self.heartbeats.insert(heartbeat.module, heartbeat.clone());
                 }
             }
         }
@@ -427,6 +427,7 @@ fn judge_stop(
 mod tests {
     use std::cell::RefCell;
     use std::rc::Rc;
+    use std::sync::Arc;
 
     use formation_model::ModulePhase;
 
@@ -454,6 +455,7 @@ mod tests {
             epoch: None,
             digest: None,
             digest_since: 0,
+            misses: Arc::default(),
             applied_turns: 0,
             steps_done: 0,
             phase: ModulePhase::Listening,

@@ -366,6 +366,7 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
             steps_done: 0,
             phase: ModulePhase::Moving,
             stop: Stop::default(),
+            misses: Arc::default(),
         };
         scene.handle(Duration::from_secs(7), &Message::Heartbeat(beat));
         assert!(scene.has_changed());

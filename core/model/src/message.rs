@@ -269,7 +269,7 @@ pub struct EvictionNotice {
 }
 
 /// A heartbeat of one module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Heartbeat {
     /// The module.
     pub module: ModuleId,
@@ -298,6 +298,8 @@ pub struct Heartbeat {
     pub phase: ModulePhase,
     /// The latest command to stop or to resume that it knows.
     pub stop: Stop,
+    /// The modules that it knows of and does not receive, in ascending order.
+    pub misses: Arc<[ModuleId]>,
 }
 
 /// A command to all modules to stand still, or to move again; the highest revision applies. Revision 0 stands for none.

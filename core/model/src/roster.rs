@@ -141,6 +141,11 @@ impl Voters {
         named.filter(|module| !self.removed.contains(module))
     }
 
+    /// Whether a module is one of those.
+    pub fn counts(&self, module: ModuleId) -> bool {
+        self.named.binary_search(&module).is_ok() && !self.removed.contains(&module)
+    }
+
     /// The voters whose votes count.
     pub fn remaining(&self) -> impl Iterator<Item = ModuleId> + Clone {
         self.counted()

@@ -2,6 +2,7 @@
 
 mod bodies;
 mod outdated;
+mod reception;
 mod removals;
 
 use std::collections::BTreeSet;
@@ -16,6 +17,7 @@ use formation_model::{
 use formation_motion::DEVIATION_LIMIT;
 
 use bodies::Bodies;
+use reception::Reception;
 use removals::Removals;
 
 use super::asked_plan::Plans;
@@ -78,6 +80,7 @@ pub(super) struct Context {
     pub target: KnownTarget,
     pub session: Session,
     pub pacing: EpochPacing,
+    pub reception: Reception,
     pub plans: Plans,
     /// The majority that an epoch would need and that is not within reach.
     pub shortfall: Option<Shortfall>,
@@ -109,6 +112,7 @@ impl Context {
             target: KnownTarget::default(),
             session: Session::new(identity.is_first_run),
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
+            reception: Reception::default(),
             plans: Plans::default(),
             shortfall: None,
             outbox: Outbox::new(now, identity.has_store),
@@ -149,19 +153,29 @@ impl Context {
         }
     }
 
-    /// The majority that this module and all live ones lack, for a target that is announced.
-    pub fn live_shortfall(&self) -> Option<Shortfall> {
+    /// The majority that the best clique lacks, for a target that is announced.
+    pub fn live_shortfall(&mut self) -> Option<Shortfall> {
         let is_unknown = self.session.voters().named.is_empty();
         let mut live = self.peers.live(self.liveness());
         if is_unknown && live.any(|(_, peer)| peer.knows_voters()) {
             return Some(Shortfall::VotersUnknown);
         }
-        self.shortfall_of(&self.live_votes())
+        drop(live);
+        let votes = self.clique_votes();
+        self.shortfall_of(&votes)
+    }
+
+    /// Those of the best clique, each with whether it knows.
+    fn clique_votes(&mut self) -> Vec<(ModuleId, bool)> {
+        let clique = self.clique();
+        let mut votes = self.live_votes();
+        votes.retain(|(module, _)| clique.binary_search(module).is_ok());
+        votes
     }
 
     /// Whether a majority would be lacking if one more voter fell silent.
-    pub fn depends_on_each_voter(&self) -> bool {
-        let mut live = self.live_votes();
+    pub fn depends_on_each_voter(&mut self) -> bool {
+        let mut live = self.clique_votes();
         let voters = self.session.voters();
         let counts = |&(module, knows): &(ModuleId, bool)| {
             knows && voters.named.binary_search(&module).is_ok()
@@ -172,14 +186,14 @@ impl Context {
         self.shortfall_of(&live).is_some()
     }
 
-    fn shortfall_of(&self, present: &[(ModuleId, bool)]) -> Option<Shortfall> {
+    pub fn shortfall_of(&self, present: &[(ModuleId, bool)]) -> Option<Shortfall> {
         let target = self.target.announcement().map(Arc::as_ref);
         let voters = self.session.voters_for(&[], self.removals.due_votes());
         shortfall_of(&voters, present.iter().copied(), target)
     }
 
     /// This module and all live ones, each with whether it knows, in ascending order.
-    fn live_votes(&self) -> Vec<(ModuleId, bool)> {
+    pub fn live_votes(&self) -> Vec<(ModuleId, bool)> {
         let live = self.peers.live(self.liveness());
         let mut live: Vec<(ModuleId, bool)> =
             live.map(|(module, peer)| (module, peer.knows())).collect();
@@ -216,10 +230,11 @@ impl Context {
         self.service_of(module) == Some(Service::Active)
     }
 
-    /// Whether an epoch may be opened to include a module. A run that is yet to take a later number would be no member.
-    /// Enforces M7.
-    pub fn is_wanted(&self, module: ModuleId) -> bool {
-        self.peers.is_wanted(self.now, module) && !self.is_outdated(module)
+    /// Whether an epoch may be opened to include a module that is not in the roster: all that would be members receive it. A run that
+    /// is yet to take a later number would be no member.
+    /// Enforces E7, M7.
+    pub fn is_wanted(&mut self, module: ModuleId) -> bool {
+        !self.is_outdated(module) && self.clique().binary_search(&module).is_ok()
     }
 
     /// The service of a module; `None` before its first state.
@@ -419,11 +434,12 @@ impl Hash for Context {
             target,
             session,
             pacing,
+            reception,
             plans: _,
             shortfall,
             outbox,
         } = self;
         (own.run, robot, peers, bodies, removals, stop, target).hash(state);
-        (session, pacing, shortfall, outbox, clock_doubt).hash(state);
+        (session, pacing, reception, shortfall, outbox, clock_doubt).hash(state);
     }
 }

@@ -1,5 +1,6 @@
 //! Opening epochs: which module convenes, when, and why.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{
@@ -28,17 +29,24 @@ impl Agent {
             context.set_shortfall(None);
             return;
         };
+        let clique = context.clique();
+        let own = context.module();
+        if clique.binary_search(&own).is_err() {
+            // Those that all receive each other convene; this module would keep some of them out.
+            context.pacing.clear_reason();
+            context.set_shortfall(None);
+            return;
+        }
         let live = context.live_modules();
         let expected = context.target.expected_modules();
         let all_are_live = expected.is_some_and(|expected| live.len() >= expected as usize);
         if all_are_live && live.iter().all(|&module| has_no_epoch(module, context)) {
             context.pacing.end_listening(context.now);
         }
-        let own = context.module();
         // A module that was moved knows best where it stands, so it does not wait for its turn.
         let is_own = matches!(&reason, EpochReason::Displaced(displaced)
             if displaced.iter().any(|&(module, _)| module == own));
-        let delay = (live.iter().take_while(|&&module| module < own && !is_own))
+        let delay = (clique.iter().take_while(|&&module| module < own && !is_own))
             .fold(Duration::ZERO, |delay, _| {
                 delay.saturating_add(context.parameters.convene)
             });
@@ -73,12 +81,11 @@ fn has_no_epoch(module: ModuleId, context: &Context) -> bool {
 
 /// The modules whose bodies a roster lists and that are in the way no more: the body was removed, or a roster may say so, or its module
 /// can take part.
-fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+fn bodies_gone(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
     let was_removed = |body: &BodyReport| body.whereabouts == Whereabouts::Removed;
     let listed = roster.bodies.iter().filter(|body| !was_removed(body));
-    let is_gone = |module: ModuleId| {
+    let mut is_gone = |module: ModuleId| {
         let takes_part = context.peers.is_live(context.liveness(), module)
-            && follows(module, roster.epoch, context)
             && stands(module, context)
             && context.is_wanted(module);
         takes_part || context.is_removable(module)
@@ -128,9 +135,9 @@ impl Stage {
             return Some(EpochReason::MembersAhead(ahead));
         }
         if !stuck.is_empty() {
-            let until = context.now + context.parameters.stuck * 2;
+            let least = context.parameters.stuck * 2;
             for &module in &stuck {
-                context.peers.exclude(module, until);
+                context.peers.fail_link(module, context.now, least);
             }
             return Some(EpochReason::Stuck(stuck));
         }
@@ -162,8 +169,7 @@ impl Stage {
         if is_calm {
             return None;
         }
-        let others = live_unplanned(roster, context);
-        let newcomers = wanted_newcomers(roster, &others, context);
+        let newcomers = wanted_newcomers(roster, context);
         if newcomers.is_empty() {
             context.peers.note_calm(context.liveness(), judged);
             return None;
@@ -225,6 +231,10 @@ fn judge_members(
     }
     if let Some(reason) = missing_members(roster, context) {
         return Err(Some(reason));
+    }
+    let apart = not_received(roster, context);
+    if !apart.is_empty() {
+        return Err(Some(EpochReason::NotReceived(apart)));
     }
     // This epoch is over once a member waits for a quorum in a later one. To this module it looks complete: all members are live.
     let members = roster.members.iter().map(|member| member.module.id);
@@ -298,6 +308,16 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
     (!silent.is_empty()).then_some(EpochReason::Silent(silent))
 }
 
+/// The members that another one does not receive.
+/// Enforces E3.
+fn not_received(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+    let is_member = |module| roster.member(module).is_some();
+    let pairs = context.missed_pairs().into_iter();
+    let pairs = pairs.filter(|&(one, other)| is_member(one) && is_member(other));
+    let missed: BTreeSet<ModuleId> = pairs.map(|(_, missed)| missed).collect();
+    missed.into_iter().collect()
+}
+
 /// The members that left service since the roster was made, or that were retired then and cannot move any more.
 /// Enforces S3.
 fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
@@ -314,34 +334,25 @@ fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
         .collect()
 }
 
-/// The live modules that the roster does not list as active, and so are not planned for; this one included, in ascending order.
-fn live_unplanned(roster: &Roster, context: &Context) -> Vec<ModuleId> {
-    let members = roster.members.iter();
-    let planned = members.filter(|member| member.service == Service::Active);
-    let mut planned = planned.map(|member| member.module.id).peekable();
-    let mut is_planned = move |module: ModuleId| {
-        while planned.next_if(|&one| one < module).is_some() {}
-        planned.peek() == Some(&module)
-    };
-    let live = context.live_modules().into_iter();
-    live.filter(|&module| !is_planned(module)).collect()
-}
-
-/// Those of some live modules that the roster does not list as active and that are so now, if more spots can be filled with
-/// them.
+/// The modules of the best clique that the roster does not list as active and that are so now, if more spots can be filled with them, and
+/// without those that the clique leaves out.
 /// Enforces E7.
-fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
-    let others = others.iter().copied();
-    let mut newcomers: Vec<ModuleId> = others
-        .filter(|&module| context.is_active(module))
-        .filter(|&module| follows(module, roster.epoch, context))
+fn wanted_newcomers(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
+    let clique = context.clique();
+    let planned = roster.members.iter();
+    let planned = planned.filter(|member| member.service == Service::Active);
+    let planned: BTreeSet<ModuleId> = planned.map(|member| member.module.id).collect();
+    let in_clique: BTreeSet<ModuleId> = clique.iter().copied().collect();
+    let newcomers = in_clique.difference(&planned).copied();
+    let newcomers: Vec<ModuleId> = newcomers
+        .filter(|&module| context.is_active(module) && !context.is_outdated(module))
         .filter(|&module| stands(module, context))
-        .filter(|&module| context.is_wanted(module))
         .collect();
-    if !context.could_fill_more(roster, &newcomers) {
-        newcomers.clear();
-    }
-    newcomers
+    let left_out = planned.difference(&in_clique).count();
+    let is_better = newcomers.len() > left_out
+        && context.could_fill_more(roster, &newcomers, left_out)
+        && (left_out == 0 || context.may_replace(clique));
+    if is_better { newcomers } else { Vec::new() }
 }
 
 fn waits_for_quorum(module: ModuleId, context: &Context) -> bool {

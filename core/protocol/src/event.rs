@@ -286,6 +286,9 @@ pub enum EpochReason {
     /// Members have been silent for longer than `suspicion_s`.
     #[error("silent for longer than suspicion_s: {}", ids(.0))]
     Silent(Vec<ModuleId>),
+    /// Not all members receive these.
+    #[error("not received by all members, or not receiving all: {}", ids(.0))]
+    NotReceived(Vec<ModuleId>),
     /// Members were moved by others: they stand off what their plan lets them do, by these distances.
     #[error("displaced: {}", with_distances(.0))]
     Displaced(Vec<(ModuleId, MicroUnits)>),

@@ -17,6 +17,7 @@
 //! earlier message, so messages may come late, twice or in any order across writers.
 
 mod asked_plan;
+mod cliques;
 mod clock_check;
 mod clock_offset;
 mod context;
@@ -25,6 +26,7 @@ mod durable;
 mod event;
 mod io;
 mod known_target;
+mod link;
 mod member_bodies;
 mod motion;
 mod outbox;
@@ -328,7 +330,8 @@ impl Agent {
             self.handle_early_rosters();
         }
         let are_removals_new = self.context.refresh_removals();
-        if are_removals_new && matches!(self.stage, Stage::Gathering(_)) {
+        let are_missed_new = self.context.refresh_missed();
+        if (are_removals_new || are_missed_new) && matches!(self.stage, Stage::Gathering(_)) {
             self.context.mark_state_changed();
         }
         self.context.move_again();
@@ -466,7 +469,9 @@ impl Agent {
             return true;
         }
         let liveness = context.liveness();
-        let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
+        let news = context
+            .peers
+            .handle_heartbeat(liveness, heartbeat.clone(), source);
         let is_compared = matches!(news, Ok(_) | Err(Refusal::DuplicateModule));
         let is_clock_in_doubt = is_compared && self.doubt_clock(run.module);
         let context = &mut self.context;

@@ -115,7 +115,7 @@ impl Agent {
     #[must_use]
     pub fn last_heard(&self, module: ModuleId) -> Option<Duration> {
         let peer = self.context.peers.get(module)?;
-        peer.heartbeat.map(|_| peer.last_seen())
+        peer.heartbeat.as_ref().map(|_| peer.last_seen())
     }
 
     /// Whether the latest roster that it took over lists it, or it waits for one.

@@ -3,20 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{
-    Epoch, Heartbeat, Incarnation, ModulePhase, ModuleRun, ModuleState, SourceId,
-};
+use formation_model::{Epoch, Heartbeat, Incarnation, ModuleId, ModuleRun, ModuleState, SourceId};
 
 use super::clock_offset::ClockOffset;
+use super::link::Link;
 
 /// A state and its sender.
 pub(super) type KeptState = (Arc<ModuleState>, Option<SourceId>);
-
-/// A module that has left this many rosters of another in a row is left out by that one.
-const INTERRUPTIONS_MAX: u32 = 3;
-
-/// The number of rosters without agreement after which the time for which a module is not wanted no longer doubles.
-const DOUBLINGS_MAX: u32 = 5;
 
 /// What is known of one other module.
 #[derive(Clone, Debug, Hash)]
@@ -41,14 +34,8 @@ pub(super) struct Peer {
     first_seen: Duration,
     /// How its clock differs from this one's.
     clock: Option<ClockOffset>,
-    /// Until when it is considered failed because it made no progress.
-    pub excluded_until: Duration,
-    /// The number of rosters that listed it since it last agreed to one.
-    rosters_without_agreement: u32,
-    /// How many rosters of this module it left before they agreed, by opening an epoch, since it last agreed to one.
-    interruptions: u32,
-    /// Until when no epoch is opened to include it, because rosters with it did not agree, and one without it did.
-    pub unwanted_until: Duration,
+    /// Whether this module counts on receiving it.
+    pub link: Link,
 }
 
 impl Peer {
@@ -65,22 +52,20 @@ impl Peer {
             alive_at: None,
             first_seen: now,
             clock: None,
-            excluded_until: Duration::ZERO,
-            rosters_without_agreement: 0,
-            interruptions: 0,
-            unwanted_until: Duration::ZERO,
+            link: Link::default(),
         }
     }
 
     /// Whether its latest heartbeat says that it has forgotten nothing.
     pub fn knows(&self) -> bool {
-        self.heartbeat.is_some_and(|heartbeat| heartbeat.knows)
+        let heartbeat = self.heartbeat.as_ref();
+        heartbeat.is_some_and(|heartbeat| heartbeat.knows)
     }
 
     /// Whether its latest heartbeat says that it knows who votes.
     pub fn knows_voters(&self) -> bool {
-        self.heartbeat
-            .is_some_and(|heartbeat| heartbeat.voters != 0)
+        let heartbeat = self.heartbeat.as_ref();
+        heartbeat.is_some_and(|heartbeat| heartbeat.voters != 0)
     }
 
     /// Whether it has taken the place of this run.
@@ -144,46 +129,17 @@ impl Peer {
         self.heartbeat = Some(heartbeat);
     }
 
-    /// A roster lists it; whether it will agree to that is open.
-    pub fn note_listed(&mut self) {
-        self.rosters_without_agreement = (self.rosters_without_agreement + 1).min(DOUBLINGS_MAX);
+    /// Whether its latest heartbeat says that it receives a voter: it has listened, knows of the voter, and does not miss it.
+    pub fn receives_voter(&self, voter: ModuleId, suspicion: Duration) -> bool {
+        let heartbeat = self.heartbeat.as_ref();
+        let has_listened = heartbeat.is_some_and(|heartbeat| heartbeat.uptime > suspicion);
+        has_listened && self.knows_voters() && self.misses().binary_search(&voter).is_err()
     }
 
-    /// Its roster is agreed, as far as this module knows: it shows the same digest.
-    pub fn note_same_digest(&mut self) {
-        self.excluded_until = Duration::ZERO;
-    }
-
-    /// All members of its roster show that they have agreed.
-    pub fn note_agreement(&mut self) {
-        self.rosters_without_agreement = 0;
-        self.interruptions = 0;
-        self.unwanted_until = Duration::ZERO;
-    }
-
-    /// It leaves a roster of this module that has not agreed, and opens an epoch. Returns whether it has done so several times in a
-    /// row.
-    pub fn note_interruption(&mut self) -> bool {
-        self.interruptions = (self.interruptions + 1).min(INTERRUPTIONS_MAX);
-        self.interruptions == INTERRUPTIONS_MAX
-    }
-
-    /// Whether it shows that it has agreed in an epoch.
-    pub fn has_agreed_in(&self, epoch: Epoch) -> bool {
-        use ModulePhase::{Moving, Settled, Spare, Waiting};
-        self.heartbeat.is_some_and(|heartbeat| {
-            heartbeat.epoch == Some(epoch)
-                && matches!(heartbeat.phase, Waiting | Moving | Settled | Spare)
-        })
-    }
-
-    /// The members of a roster have agreed without it: if rosters with it did not agree before, no epoch is opened for it for
-    /// a while, which doubles each time. Otherwise a module that receives only some of the others would halt them all again
-    /// and again.
-    pub fn note_agreement_without(&mut self, now: Duration, least: Duration) {
-        if let Some(doublings) = self.rosters_without_agreement.checked_sub(1) {
-            self.unwanted_until = now + least * (1 << doublings);
-        }
+    /// The modules that its latest heartbeat lists as not received.
+    pub fn misses(&self) -> &[ModuleId] {
+        let heartbeat = self.heartbeat.as_ref();
+        heartbeat.map_or(&[], |heartbeat| &heartbeat.misses)
     }
 }
 

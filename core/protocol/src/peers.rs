@@ -31,10 +31,10 @@ pub(super) struct Liveness {
 }
 
 impl Liveness {
-    /// Whether a peer is live: its latest heartbeat is younger than `suspicion`, and it is not excluded for lack of progress.
+    /// Whether a peer is live: its latest heartbeat is younger than `suspicion`, and its link counts as up.
     pub fn includes(self, peer: &Peer) -> bool {
         let is_recent = |age: Duration| age <= self.suspicion;
-        peer.excluded_until <= self.now && peer.age(self.now).is_some_and(is_recent)
+        peer.link.is_up(self.now) && peer.age(self.now).is_some_and(is_recent)
     }
 }
 
@@ -140,8 +140,8 @@ impl Peers {
     }
 
     /// The latest heartbeat of a module.
-    pub fn heartbeat(&self, module: ModuleId) -> Option<Heartbeat> {
-        self.peers.get(&module)?.heartbeat
+    pub fn heartbeat(&self, module: ModuleId) -> Option<&Heartbeat> {
+        self.peers.get(&module)?.heartbeat.as_ref()
     }
 
     /// Counts the changes of what heartbeats show.
@@ -160,6 +160,11 @@ impl Peers {
         heartbeat.is_some_and(|heartbeat| {
             heartbeat.epoch == Some(epoch) && heartbeat.phase == ModulePhase::Computing
         })
+    }
+
+    /// Which they are, in ascending order.
+    pub fn ids(&self) -> impl Iterator<Item = ModuleId> {
+        self.peers.keys().copied()
     }
 
     /// All of them.
@@ -295,28 +300,37 @@ impl Peers {
                 return Err(refusal);
             }
         };
-        let known = peer.heartbeat;
-        if known.is_some_and(|known| known.sequence >= heartbeat.sequence) {
+        let sequence = |known: &Heartbeat| known.sequence;
+        if peer.heartbeat.as_ref().map(sequence) >= Some(heartbeat.sequence) {
             return Ok(HeartbeatNews::Old);
         }
+        let known = peer.heartbeat.take();
         let age = peer.age(now);
         let sent_at = peer.sent_at(now, heartbeat.uptime, liveness.period);
-        peer.note_heartbeat(heartbeat, sent_at);
         let was_live = age.is_some_and(|age| age <= liveness.suspicion);
-        if !was_live || known.is_none_or(|known| known.epoch != heartbeat.epoch) {
-            self.changes += 1;
+        if known.is_some() && !was_live {
+            peer.link.fail(now, liveness.suspicion);
         }
-        let plan = |heartbeat: Heartbeat| (heartbeat.epoch, heartbeat.digest);
-        if known.map(plan) != Some(plan(heartbeat)) {
-            self.shown.count += 1;
-            self.shown.last = Some(heartbeat.module);
-        }
-        let shows = |heartbeat: Heartbeat| {
-            let progress = (heartbeat.phase, heartbeat.steps_done);
-            (plan(heartbeat), progress, heartbeat.stop)
+        let differ = |differs: fn(&Heartbeat, &Heartbeat) -> bool| {
+            known
+                .as_ref()
+                .is_none_or(|known| differs(known, &heartbeat))
         };
-        Ok(match (known, age) {
-            (Some(known), Some(age)) if shows(known) == shows(heartbeat) => {
+        let shows_other =
+            differ(|one, other| (one.epoch, one.digest) != (other.epoch, other.digest));
+        let misses_others = differ(|one, other| one.misses != other.misses);
+        let is_new = differ(|one, other| {
+            (one.phase, one.steps_done, one.stop) != (other.phase, other.steps_done, other.stop)
+        });
+        let changes = !was_live || misses_others || differ(|one, other| one.epoch != other.epoch);
+        peer.note_heartbeat(heartbeat, sent_at);
+        self.changes += u64::from(changes);
+        if shows_other {
+            self.shown.count += 1;
+            self.shown.last = Some(run.module);
+        }
+        Ok(match age {
+            Some(age) if !shows_other && !misses_others && !is_new => {
                 HeartbeatNews::StillLive { age }
             }
             _ => HeartbeatNews::New,
@@ -366,7 +380,7 @@ impl Peers {
         }
     }
 
-    /// Whether a module's latest heartbeat is younger than `suspicion` and it is not excluded for lack of progress.
+    /// Whether a module's latest heartbeat is younger than `suspicion` and its link counts as up.
     /// Enforces M1.
     pub fn is_live(&self, liveness: Liveness, module: ModuleId) -> bool {
         self.get(module).is_some_and(|peer| liveness.includes(peer))
@@ -380,68 +394,50 @@ impl Peers {
             .map(|(&module, peer)| (module, peer))
     }
 
-    /// Considers a module failed until a time, because it makes no progress.
+    /// Takes the link from a module for failed, because that makes no progress.
     /// Enforces M6.
-    pub fn exclude(&mut self, module: ModuleId, until: Duration) {
+    pub fn fail_link(&mut self, module: ModuleId, now: Duration, least: Duration) {
         if let Some(peer) = self.peers.get_mut(&module) {
-            peer.excluded_until = peer.excluded_until.max(until);
+            peer.link.fail(now, least);
             self.changes += 1;
         }
     }
 
-    /// A roster lists these modules, in ascending order.
-    pub fn note_listed(&mut self, members: impl Iterator<Item = ModuleId>) {
-        let mut members = members.peekable();
-        for (&module, peer) in &mut self.peers {
-            while members.next_if(|&id| id < module).is_some() {}
-            if members.next_if_eq(&module).is_some() {
-                peer.note_listed();
-            }
-        }
-    }
-
-    /// The members of a roster show the same digest.
-    pub fn note_same_digest(
-        &mut self,
-        now: Duration,
-        least: Duration,
-        members: &BTreeMap<ModuleId, Incarnation>,
-    ) {
-        self.changes += 1;
-        for (module, peer) in &mut self.peers {
-            if members.contains_key(module) {
-                peer.note_same_digest();
-            } else {
-                peer.note_agreement_without(now, least);
-            }
-        }
-    }
-
-    /// Records whether all members of a roster other than `own` show that they have agreed; returns whether they do. Where a link
-    /// carries one way only, some agree and others never do, again and again.
-    pub fn note_agreement(
-        &mut self,
-        epoch: Epoch,
-        own: ModuleId,
-        members: &BTreeMap<ModuleId, Incarnation>,
-    ) -> bool {
-        let others = members.keys().filter(|&&module| module != own);
-        let others = others.map(|&module| (module, ()));
-        let have_agreed = self
-            .along(others)
-            .all(|(_, (), peer)| peer.is_some_and(|peer| peer.has_agreed_in(epoch)));
-        if have_agreed {
-            self.forget_disagreement(members);
-        }
-        have_agreed
-    }
-
-    /// The rosters that listed these modules without coming to an agreement count no more.
-    pub fn forget_disagreement(&mut self, members: &BTreeMap<ModuleId, Incarnation>) {
+    /// These members show the same plan as this module.
+    pub fn note_same_plan(&mut self, members: &BTreeMap<ModuleId, Incarnation>) {
         self.changes += 1;
         let is_member = |(module, _): &(&ModuleId, &mut Peer)| members.contains_key(module);
         let members = self.peers.iter_mut().filter(is_member);
-        members.for_each(|(_, peer)| peer.note_agreement());
+        members.for_each(|(_, peer)| peer.link.recover());
+    }
+
+    /// The pairs of live modules, or of this one and a live one, of which the first does not receive the second.
+    pub fn missed_pairs(&self, liveness: Liveness, own: ModuleId) -> Vec<(ModuleId, ModuleId)> {
+        let is_here = |module: ModuleId| module == own || self.is_live(liveness, module);
+        let mut pairs = Vec::new();
+        // Most modules miss the same ones, which are gone.
+        let mut last: (&[ModuleId], Vec<ModuleId>) = (&[], Vec::new());
+        for (module, peer) in self.live(liveness) {
+            let misses = peer.misses();
+            if last.0 != misses {
+                let here = misses.iter().copied().filter(|&missed| is_here(missed));
+                last = (misses, here.collect());
+            }
+            pairs.extend(last.1.iter().map(|&missed| (module, missed)));
+        }
+        pairs
+    }
+
+    /// Those of some modules, which ascend, that are not live.
+    pub fn not_received(
+        &self,
+        liveness: Liveness,
+        named: impl Iterator<Item = ModuleId>,
+    ) -> impl Iterator<Item = ModuleId> {
+        let named = self.along(named.map(|module| (module, ())));
+        let named =
+            named.filter(move |(_, (), peer)| !peer.is_some_and(|peer| liveness.includes(peer)));
+        named.map(|(module, ..)| module)
     }
 
     /// Each of these modules, which ascend, with its peer, if that is known: one walk along all peers in place of a search for
@@ -465,9 +461,8 @@ impl Peers {
                 .age(liveness.now)
                 .filter(|&age| age <= liveness.suspicion);
             let silent_at = age.map(|age| liveness.now + (liveness.suspicion - age));
-            let ends = [peer.excluded_until, peer.unwanted_until];
-            let ends = ends.into_iter().filter(|&end| end > liveness.now);
-            silent_at.into_iter().chain(ends)
+            let up_at = Some(peer.link.down_until()).filter(|&at| at > liveness.now);
+            silent_at.into_iter().chain(up_at)
         });
         self.calm = Some(Calm {
             judged,
@@ -481,13 +476,6 @@ impl Peers {
         self.calm.is_some_and(|calm| {
             calm.judged == judged && calm.changes == self.changes && now < calm.until
         })
-    }
-
-    /// Whether an epoch may be opened to include a module.
-    /// Enforces E7.
-    pub fn is_wanted(&self, now: Duration, module: ModuleId) -> bool {
-        self.get(module)
-            .is_none_or(|peer| peer.unwanted_until <= now)
     }
 }
 
@@ -520,6 +508,7 @@ mod tests {
             steps_done: 0,
             phase: ModulePhase::Listening,
             stop: Stop::default(),
+            misses: Arc::default(),
         }
     }
 

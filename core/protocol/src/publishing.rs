@@ -1,5 +1,6 @@
 //! The states and heartbeats of an agent.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{Heartbeat, Message, ModuleState};
@@ -91,6 +92,10 @@ impl Agent {
         let applied_turns = self.applied_turns();
         let steps_done = self.stage.steps_done();
         let own = self.context.own;
+        let roster = self.stage.roster().map(Arc::clone);
+        let misses = self
+            .context
+            .misses(roster.as_deref().map(|roster| &**roster));
         let session = &self.context.session;
         let heartbeats = &mut self.context.outbox.heartbeats;
         Heartbeat {
@@ -107,6 +112,7 @@ impl Agent {
             steps_done,
             phase: shown.phase,
             stop: shown.stop,
+            misses,
         }
     }
 }

@@ -9,11 +9,10 @@ use formation_model::{
     ClosedRoster, ModuleId, Roster, RosterMember, RosterMessage, Service, SourceId, digest,
 };
 
-use super::peer::Peer;
+use super::Agent;
 use super::refusal::Refusal;
 use super::session::{shortfall_of, votes_of};
 use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
-use super::{Agent, AgentParameters};
 
 /// The latest messages of at most this many conveners are kept, so that few strangers take the place of none.
 const KEPT_MAX: usize = 16;
@@ -94,7 +93,6 @@ impl Agent {
         match message {
             RosterMessage::Gather { .. } if current == Some(epoch) => {}
             RosterMessage::Gather { target, .. } => {
-                self.note_interruption(epoch.convener);
                 self.remember_members();
                 let context = &mut self.context;
                 let gathering = Gathering::join(context, epoch, run.incarnation, target);
@@ -105,28 +103,6 @@ impl Agent {
                     self.context.refuse(convener, refusal);
                 }
             }
-        }
-    }
-
-    /// Leaves a member out that has left several rosters of this module in a row by opening an epoch: each lists a module of
-    /// which the other one receives nothing, so that none would ever agree.
-    /// Enforces M6.
-    fn note_interruption(&mut self, convener: ModuleId) {
-        let own = self.context.module();
-        let is_left = self.stage.roster().is_some_and(|roster| {
-            roster.epoch.convener == own && roster.member(convener).is_some()
-        });
-        let context = &mut self.context;
-        let peer = context.peers.get_mut(convener).filter(|_| is_left);
-        if peer.is_some_and(Peer::note_interruption) {
-            // Until this module has closed its next roster.
-            let AgentParameters {
-                gather_limit,
-                stuck,
-                ..
-            } = context.parameters;
-            let until = context.now + (gather_limit + stuck) * 2;
-            context.peers.exclude(convener, until);
         }
     }
 

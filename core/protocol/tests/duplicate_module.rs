@@ -142,6 +142,7 @@ fn heartbeat(incarnation: u64) -> Heartbeat {
         steps_done: 0,
         phase: ModulePhase::Listening,
         stop: Stop::default(),
+        misses: Arc::default(),
     }
 }
 

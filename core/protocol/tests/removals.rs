@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
@@ -60,6 +61,7 @@ fn heartbeat(sent_at: u64) -> Message {
         steps_done: 0,
         phase: ModulePhase::Listening,
         stop: Stop::default(),
+        misses: Arc::default(),
     })
 }
 

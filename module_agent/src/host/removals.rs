@@ -60,6 +60,7 @@ impl Host {
 mod tests {
     use std::cell::RefCell;
     use std::rc::Rc;
+    use std::sync::Arc;
     use std::time::Duration;
 
     use formation_model::{
@@ -90,6 +91,7 @@ mod tests {
             steps_done: 0,
             phase: ModulePhase::Listening,
             stop: Stop::default(),
+            misses: Arc::default(),
         })
     }
 

@@ -551,15 +551,24 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
                     steps_done: digest.map_or(0, |_| steps),
                     phase,
                     stop: Stop { revision, stopped },
+                    misses: Arc::default(),
                 }
             },
         )
 }
 
+/// Those of one process, which misses the same modules for all.
 pub fn heartbeats() -> impl Strategy<Value = Vec<Heartbeat>> {
-    vec(heartbeat(), 0..5).prop_map(|mut heartbeats| {
+    let misses = vec(module_id(), 0..4).prop_map(|misses| {
+        let misses: BTreeSet<ModuleId> = misses.into_iter().collect();
+        misses.into_iter().collect::<Arc<[ModuleId]>>()
+    });
+    (vec(heartbeat(), 0..5), misses).prop_map(|(mut heartbeats, misses)| {
         let mut seen = BTreeSet::new();
         heartbeats.retain(|heartbeat| seen.insert(heartbeat.module));
+        for heartbeat in &mut heartbeats {
+            heartbeat.misses = Arc::clone(&misses);
+        }
         heartbeats
     })
 }

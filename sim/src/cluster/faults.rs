@@ -165,6 +165,7 @@ impl Cluster {
             steps_done: 0,
             phase: ModulePhase::Listening,
             stop: Stop::default(),
+            misses: Arc::default(),
         }));
     }
 

@@ -183,7 +183,7 @@ impl Monitor {
             .entry(run)
             .or_default()
             .heartbeat
-            .replace(*heartbeat);
+            .replace(heartbeat.clone());
         if let Some(before) = before.and_then(|before| before.epoch)
             && heartbeat.epoch < Some(before)
         {

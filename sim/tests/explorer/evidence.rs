@@ -70,7 +70,7 @@ impl World {
         let evidence = Rc::make_mut(&mut self.evidence);
         match message {
             Message::Heartbeat(heartbeat) => {
-                self.published.heartbeats.insert(index, *heartbeat);
+                self.published.heartbeats.insert(index, heartbeat.clone());
                 let entry = evidence
                     .in_epoch
                     .entry(module)

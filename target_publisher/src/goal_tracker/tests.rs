@@ -79,6 +79,7 @@ fn beat(tracker: &mut GoalTracker<u32>, now: Duration, module: u32, phase: Modul
         steps_done: 0,
         phase,
         stop: Stop::default(),
+        misses: Arc::default(),
     };
     tracker.handle_message(now, &Message::Heartbeat(heartbeat));
 }

@@ -48,7 +48,7 @@ use peer::{LIMIT, Peer, Result, did};
 /// The action of the formation.
 const ACTION: &str = "form_configuration";
 /// The version of the protocol of the formation.
-const PROTOCOL_VERSION: u32 = 7;
+const PROTOCOL_VERSION: u32 = 8;
 
 #[tokio::main]
 async fn main() -> ExitCode {

@@ -203,6 +203,12 @@ impl Bodies {
         self.known.into_values()
     }
 
+    /// The latest reports on modules of this session, ascending by module.
+    pub fn of_this_session(&self) -> impl Iterator<Item = &BodyReport> {
+        let known = self.known.values();
+        known.filter(|report| !self.of_other_sessions.contains(&report.module))
+    }
+
     /// What is known of a module's body.
     pub fn get(&self, module: ModuleId) -> Option<&BodyReport> {
         self.known.get(&module)
@@ -291,6 +297,7 @@ impl Context {
                 || blocking.iter().any(|blocked| blocked.module == module)
                 || self.bodies.outdated.contains_key(&module)
                 || self.removals.is_refuted(report.run())
+                || self.is_missed(module)
         });
         listed
             .map(|(_, report, _)| self.bodies.under_former_number(report))
@@ -502,10 +509,9 @@ impl Context {
     ) -> Option<EpochReason> {
         let comparison = self.compare_bodies(roster);
         // A body that moved is that of a live module, which rosters may have left out for lack of an agreement.
-        let is_reason =
-            |freed: &&BlockedSpot| self.is_removable(freed.module) || self.is_wanted(freed.module);
-        let freed = comparison.freed.iter().filter(is_reason);
-        let freed: Vec<SpotId> = freed.map(|freed| freed.spot).collect();
+        let mut freed = comparison.freed;
+        freed.retain(|freed| self.is_removable(freed.module) || self.is_wanted(freed.module));
+        let freed: Vec<SpotId> = freed.iter().map(|freed| freed.spot).collect();
         if !freed.is_empty() {
             return Some(EpochReason::SpotsFreed(freed));
         }
@@ -520,8 +526,14 @@ impl Context {
         (!in_the_way.is_empty()).then_some(EpochReason::BodiesUnlisted(in_the_way))
     }
 
-    /// Whether these modules, which no roster lists, could fill more spots than its own members, now that they can move.
-    pub fn could_fill_more(&self, roster: &Roster, newcomers: &[ModuleId]) -> bool {
+    /// Whether these modules, which no roster lists, could fill more spots than its own members, now that they can move, if some of
+    /// those are left out.
+    pub fn could_fill_more(
+        &self,
+        roster: &Roster,
+        newcomers: &[ModuleId],
+        left_out: usize,
+    ) -> bool {
         let Some(target) = &roster.target.target else {
             return false;
         };
@@ -537,7 +549,7 @@ impl Context {
         let mut known = self.bodies.outside(&roster.members);
         known.retain(|body| !newcomers.contains(&body.module) && !self.removals.is_due(body.run()));
         let with_them = roster.open_part_by(&known).map_or(0, |part| {
-            (part.room + newcomers.len()).min(part.target.spots().len())
+            (part.room + newcomers.len() - left_out).min(part.target.spots().len())
         });
         with_them > filled
     }

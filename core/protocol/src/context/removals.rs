@@ -201,7 +201,7 @@ impl Context {
     }
 
     /// Whether this run of this module has listened for `suspicion`.
-    fn has_listened(&self) -> bool {
+    pub fn has_listened(&self) -> bool {
         self.now >= self.own.started + self.parameters.suspicion
     }
 

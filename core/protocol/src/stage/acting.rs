@@ -57,8 +57,6 @@ pub(crate) struct Acting {
     agreed_at: Duration,
     /// When nobody can be in motion by an earlier plan any more.
     idle_at: Duration,
-    /// When to look next whether all others show that they have agreed; `None` once they have.
-    look_at: Option<Duration>,
     pub(super) task: Task,
     /// The number of steps of its path that it has done.
     pub(super) steps_done: u32,
@@ -85,10 +83,7 @@ impl Acting {
     pub fn begin(held: HeldPlan, context: &mut Context) -> Self {
         let (now, epoch) = (context.now, held.epoch());
         let idle_at = held.idle_at(context);
-        let stuck = context.parameters.stuck;
-        context
-            .peers
-            .note_same_digest(now, stuck, &held.roster_plan.members);
+        context.peers.note_same_plan(&held.roster_plan.members);
         let is_first = !context.session.was_in_force;
         context.session.note_in_force(&held.roster);
         context.settle_removals(&held.roster);
@@ -115,7 +110,6 @@ impl Acting {
             held,
             agreed_at: now,
             idle_at,
-            look_at: Some(now + context.parameters.heartbeat),
             task: if has_place || has_steps {
                 Task::Waiting
             } else {
@@ -261,14 +255,6 @@ impl Acting {
     fn advance(&mut self, context: &mut Context) -> Continuation {
         if self.held.note_mismatch(context) {
             return Continuation::Wait;
-        }
-        if self.look_at.is_some_and(|at| context.now >= at) {
-            let (own, members) = (context.module(), &self.held.roster_plan.members);
-            let have_agreed = context
-                .peers
-                .note_agreement(self.held.epoch(), own, members);
-            let next = context.now + context.parameters.heartbeat;
-            self.look_at = Some(next).filter(|_| !have_agreed);
         }
         self.watch_place(context);
         // A new epoch follows. To settle now would give up a pin for a target that has come back.

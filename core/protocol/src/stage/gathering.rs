@@ -140,7 +140,7 @@ impl Gathering {
 
     /// Why a member no longer waits for the roster, if so.
     /// Enforces G6.
-    pub fn doubt(&self, context: &Context) -> Option<EpochReason> {
+    pub fn doubt(&self, context: &mut Context) -> Option<EpochReason> {
         let Part::Member(incarnation) = self.role else {
             return None;
         };
@@ -162,20 +162,24 @@ impl Gathering {
         let patience = context.parameters.gather_limit + context.parameters.stuck;
         // A convener that has entered another epoch, or has planned without this module, will not end this gathering.
         let still_waits = peer
-            .and_then(|peer| peer.heartbeat)
+            .and_then(|peer| peer.heartbeat.as_ref())
             .is_some_and(|heartbeat| {
                 heartbeat.phase == ModulePhase::WaitingForQuorum
                     && heartbeat.epoch == Some(self.epoch)
                     && heartbeat.digest.is_none()
             });
-        let lacks_quorum = || context.live_shortfall().is_some();
-        let is_overdue =
-            context.now > self.waits_since + patience && !(still_waits && lacks_quorum());
+        let is_overdue = context.now > self.waits_since + patience
+            && !(still_waits && context.live_shortfall().is_some());
         let has_left = context.peers.heartbeat(convener).is_some_and(|heartbeat| {
             heartbeat.epoch == Some(self.epoch) && heartbeat.phase == ModulePhase::Listening
         });
         let is_over = !is_live || has_left || is_overdue;
-        is_over.then_some(EpochReason::ConvenerSilent(convener))
+        if is_over {
+            return Some(EpochReason::ConvenerSilent(convener));
+        }
+        let is_received =
+            context.missed_pairs().is_empty() || context.clique().binary_search(&convener).is_ok();
+        (!is_received).then(|| EpochReason::NotReceived(vec![convener]))
     }
 
     /// Waits for the roster; as the convener, publishes it once all members have frozen or the time is up.
@@ -191,6 +195,7 @@ impl Gathering {
             return Transition::Stay(Stage::Listening(Some(self.epoch)));
         }
         let frozen = frozen_states(self.epoch, context);
+        let frozen = receiving_each_other(frozen, context);
         let progress = collection.advance(self.since, &frozen, context);
         let Collected::Complete { reports_limit } = progress else {
             return Transition::Stay(Stage::Gathering(self));
@@ -218,6 +223,13 @@ impl Gathering {
         let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
         let ahead: Vec<ModuleId> = ahead.map(|(module, _)| module).collect();
         if ahead.is_empty() {
+            context.pacing.clear_reason();
+            return Transition::Stay(Stage::Gathering(self));
+        }
+        // The call of one that is ahead may be on its way.
+        let due = context.pacing.due(context.now, context.parameters.convene);
+        if context.now < due {
+            context.wake_at(due);
             return Transition::Stay(Stage::Gathering(self));
         }
         let next = Self::convene(context, announcement, EpochReason::MembersAhead(ahead));
@@ -331,10 +343,12 @@ impl Collection {
         let limit_at = since + context.parameters.gather_limit;
         let is_quiet = context.now >= quiet_at;
         // Only the first roster waits for a number; later ones replace members that may be gone for good.
-        let waits_for_number = !context.session.number_was_met && !context.session.has_seen_plan;
-        let is_complete = match context.target.expected_modules() {
-            Some(expected) if waits_for_number => count >= expected as usize,
-            _ => is_quiet || count >= context.live_modules().len(),
+        let is_first = !context.session.number_was_met && !context.session.has_seen_plan;
+        let expected = context.target.expected_modules().filter(|_| is_first);
+        let is_complete = match expected {
+            Some(expected) if context.running() < expected as usize => false,
+            Some(_) => count >= context.clique().len(),
+            None => is_quiet || count >= context.clique().len(),
         };
         if is_complete {
             return Collected::Complete {
@@ -363,6 +377,35 @@ fn frozen_states(epoch: Epoch, context: &Context) -> Vec<Arc<ModuleState>> {
         .filter(|state| state.epoch == Some(epoch) && state.phase == ModulePhase::Gathered)
         .filter(|state| !context.is_outdated(state.module))
         .collect()
+}
+
+/// Those of some frozen modules that form the best clique with this one.
+/// Enforces G2.
+fn receiving_each_other(
+    frozen: Vec<Arc<ModuleState>>,
+    context: &mut Context,
+) -> Vec<Arc<ModuleState>> {
+    let own = context.module();
+    let mut missed = context.missed_pairs();
+    if missed.is_empty() {
+        return frozen;
+    }
+    let of_own = missed
+        .iter()
+        .filter(|(one, other)| *one == own || *other == own);
+    let of_own: BTreeSet<ModuleId> = of_own.flat_map(|&(one, other)| [one, other]).collect();
+    let is_candidate = |module: ModuleId| module == own || !of_own.contains(&module);
+    let candidates = frozen.iter().map(|state| state.module);
+    let candidates: BTreeSet<ModuleId> = candidates
+        .filter(|&module| is_candidate(module))
+        .chain([own])
+        .collect();
+    let mut votes = context.live_votes();
+    votes.retain(|(module, _)| candidates.contains(module));
+    missed.retain(|(one, other)| candidates.contains(one) && candidates.contains(other));
+    let clique = context.clique_of(votes, missed);
+    let is_in = |state: &Arc<ModuleState>| clique.binary_search(&state.module).is_ok();
+    frozen.into_iter().filter(is_in).collect()
 }
 
 fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {

@@ -274,7 +274,7 @@ impl HeldPlan {
     ) -> bool {
         peer.is_some_and(|peer| {
             let is_member = peer.incarnation == incarnation;
-            let shows = peer.heartbeat.is_some_and(|heartbeat| {
+            let shows = peer.heartbeat.as_ref().is_some_and(|heartbeat| {
                 heartbeat.epoch == Some(self.epoch()) && heartbeat.digest == Some(self.digest)
             });
             is_member && shows && peer.age(context.now).is_some_and(|age| age <= limit)
@@ -364,7 +364,7 @@ impl HeldPlan {
         if compared == Some(shown) {
             return false;
         }
-        let other_digest = |module: ModuleId, heartbeat: Option<Heartbeat>| {
+        let other_digest = |module: ModuleId, heartbeat: Option<&Heartbeat>| {
             let heartbeat = heartbeat?;
             let theirs = heartbeat.digest?;
             (heartbeat.epoch == Some(self.epoch()) && theirs != self.digest)
@@ -375,7 +375,7 @@ impl HeldPlan {
                 .then(|| other_digest(module, context.peers.heartbeat(module)))
                 .flatten(),
             None => (context.peers.along(self.runs()))
-                .find_map(|(module, _, peer)| other_digest(module, peer?.heartbeat)),
+                .find_map(|(module, _, peer)| other_digest(module, peer?.heartbeat.as_ref())),
         };
         let Some((module, theirs)) = mismatch else {
             return false;

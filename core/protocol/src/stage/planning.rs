@@ -53,8 +53,6 @@ impl Planning {
     pub fn begin(roster: Arc<ClosedRoster>, context: &mut Context) -> Option<Self> {
         let members = roster.members.len();
         let epoch = roster.epoch;
-        let listed = roster.members.iter().map(|member| member.module.id);
-        context.peers.note_listed(listed);
         let expected = roster.target.expected_modules;
         context.session.number_was_met |=
             expected.is_some_and(|expected| members >= expected as usize);

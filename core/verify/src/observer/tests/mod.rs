@@ -203,6 +203,7 @@ fn heartbeat(module: u32, sequence: u64, digest_since: u64) -> Heartbeat {
         steps_done: 0,
         phase: ModulePhase::Agreeing,
         stop: Stop::default(),
+        misses: Arc::default(),
     }
 }
 
@@ -282,7 +283,7 @@ impl Sequence {
         ];
         let claims = self.claims.iter().cloned().map(Arc::new);
         messages.extend(claims.map(Message::Claim));
-        messages.extend(self.heartbeats.iter().copied().map(Message::Heartbeat));
+        messages.extend(self.heartbeats.iter().cloned().map(Message::Heartbeat));
         let states = self.states.iter().cloned().map(Arc::new);
         messages.extend(states.map(Message::ModuleState));
         messages.extend(self.further.iter().cloned());

@@ -1,0 +1,67 @@
+//! Whether this module counts on receiving another one.
+
+use std::time::Duration;
+
+/// After this many failures the time for which a link is down no longer doubles.
+const DOUBLINGS_MAX: u32 = 4;
+
+/// A link that held for this many times the least time for which a failure takes it down is as good as one that never failed.
+const MENDED_AFTER: u32 = 32;
+
+/// A link from another module. One that fails is down for a while, for twice as long with each failure that follows, so that one that
+/// comes and goes ends fewer and fewer rosters.
+#[derive(Clone, Copy, Debug, Default, Hash)]
+pub(super) struct Link {
+    failures: u32,
+    down_until: Duration,
+}
+
+impl Link {
+    /// Enforces M6.
+    pub fn is_up(self, now: Duration) -> bool {
+        self.down_until <= now
+    }
+
+    /// When it is up again.
+    pub fn down_until(self) -> Duration {
+        self.down_until
+    }
+
+    /// Nothing came for too long, or its module made no progress.
+    /// Enforces M6.
+    pub fn fail(&mut self, now: Duration, least: Duration) {
+        if now > self.down_until + least * MENDED_AFTER {
+            self.failures = 0;
+        }
+        self.down_until = self.down_until.max(now + least * (1 << self.failures));
+        self.failures = (self.failures + 1).min(DOUBLINGS_MAX);
+    }
+
+    /// Its module shows the same plan as this one.
+    pub fn recover(&mut self) {
+        self.down_until = Duration::ZERO;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Shows M6.
+    #[test]
+    fn a_link_that_fails_again_and_again_is_down_for_longer_and_longer() {
+        let second = Duration::from_secs(1);
+        let mut link = Link::default();
+        let mut now = second * 100;
+        let mut down = Vec::new();
+        for _ in 0..6 {
+            link.fail(now, second);
+            down.push((link.down_until() - now).as_secs());
+            now = link.down_until() + second;
+            assert!(link.is_up(now));
+        }
+        assert_eq!(down, [1, 2, 4, 8, 16, 16]);
+        link.fail(now + second * 60, second);
+        assert_eq!(link.down_until(), now + second * 61);
+    }
+}
