@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, settled, spots};
+use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, spots};
 use formation_generate::Grouping;
 use formation_model::{
     ClosedRoster, Epoch, Incarnation, Message, ModuleId, PlanningModule, Pose, Roster,
@@ -119,10 +119,10 @@ fn a_module_that_reaches_no_other_does_not_keep_the_others_from_forming() {
     }
 }
 
-/// Reachability need not be transitive: here two modules receive messages of all others, and not of each other.
-/// Shows E7, X12.
+/// Two modules receive messages of all others, and not of each other: one of them is left out, once and for all.
+/// Shows E4, E7.
 #[test]
-fn modules_that_do_not_reach_each_other_are_left_out_for_longer_and_longer() {
+fn of_two_modules_that_do_not_receive_each_other_one_is_left_out() {
     for (one, other) in [(1, 4), (2, 5), (4, 5)] {
         for in_both_directions in [false, true] {
             let mut links: BTreeSet<_> = [(ModuleId(one), ModuleId(other))].into();
@@ -130,10 +130,10 @@ fn modules_that_do_not_reach_each_other_are_left_out_for_longer_and_longer() {
                 links.insert((ModuleId(other), ModuleId(one)));
             }
             let (mut trial, opened) = epochs_with_severed(&links, 7);
-            let placed = settled(&trial.cluster).len();
-            println!("{one}-{other} {in_both_directions}: {opened} epochs, {placed} settled");
-            assert!(placed >= 3, "{one}-{other}: {placed} settled");
-            assert!(opened <= 8, "{one}-{other}: {opened} epochs");
+            let mut left = all();
+            left.remove(&ModuleId(other));
+            assert!(hold_a_plan(&trial.cluster, &left), "{one}-{other}");
+            assert_eq!(opened, 0, "{one}-{other}");
             trial.cluster.heal();
             trial.until(|cluster| hold_a_plan(cluster, &all()));
         }
@@ -251,20 +251,19 @@ fn forge_roster(living: &[u32]) {
     trial.until(|cluster| hold_a_plan(cluster, &all()));
 }
 
-/// All agree but the module that no longer receives one of the others. Each of the two is left out in turn, for longer and longer.
-/// Shows E7.
+/// Shows E3, E4.
 #[test]
-fn a_link_that_fails_in_one_direction_interrupts_less_and_less() {
+fn a_link_that_fails_in_one_direction_interrupts_once() {
     for (from, to) in [(2, 5), (1, 2), (4, 1)] {
         let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
         trial.until(Cluster::has_formed);
         let link = (ModuleId(from), ModuleId(to));
+        let before = trial.convened.len();
         trial.cluster.sever(&BTreeSet::from([link]));
         trial.run_for(Duration::from_secs(600));
-        let before = trial.convened.len();
-        trial.run_for(Duration::from_secs(600));
         let epochs = trial.convened.len() - before;
-        assert!(epochs < 20, "nothing from {from} to {to}: {epochs} epochs");
+        // Either end may notice first, and the other before it hears of that.
+        assert!(epochs <= 2, "nothing from {from} to {to}: {epochs}");
     }
 }
 
@@ -324,47 +323,4 @@ fn a_roster_that_lists_the_majority_that_it_invents_ends_no_formation() {
 fn a_roster_that_lists_live_modules_which_refuse_it_ends_no_formation() {
     forge_roster(&[5]);
     forge_roster(&[1, 2, 3, 4]);
-}
-
-/// Runs modules between which these links never carry anything. Returns whether those come to hold a plan that are left without one
-/// end of each.
-fn forms_without(links: &[(u32, u32)], modules: u32, seed: u64) -> bool {
-    let problem = drawn(modules as usize, modules as usize, Grouping::Mixed, seed);
-    let mut trial = Trial::new(&problem, seed);
-    let severed = links.iter();
-    let severed = severed.map(|&(from, to)| (ModuleId(from), ModuleId(to)));
-    trial.cluster.sever(&severed.collect());
-    let without_ends = |choice: u32| {
-        let ends = (0..).zip(links);
-        let out = ends.map(|(link, &(from, to))| if choice >> link & 1 == 1 { from } else { to });
-        let out: Vec<u32> = out.collect();
-        let left = (1..=modules).filter(|module| !out.contains(module));
-        left.map(ModuleId).collect::<BTreeSet<ModuleId>>()
-    };
-    let groups: Vec<_> = (0..1 << links.len()).map(without_ends).collect();
-    let end = Duration::from_secs(1_200);
-    let has_formed = |cluster: &Cluster| groups.iter().any(|group| hold_a_plan(cluster, group));
-    trial.cluster.run_until(end, has_formed)
-}
-
-/// Modules find by trial which of them to leave out.
-/// Shows E6, B4.
-#[test]
-fn links_that_never_carry_anything_keep_none_from_forming() {
-    let one = [(3, 1), (5, 6), (2, 4)].map(|link| (vec![link], 6));
-    let several = [(vec![(5, 2), (2, 5), (4, 5)], 7)];
-    let two = [
-        (vec![(2, 1), (3, 4)], 5),
-        (vec![(5, 1), (6, 8)], 8),
-        (vec![(2, 3), (5, 1)], 6),
-        (vec![(2, 5), (6, 1)], 7),
-    ];
-    for (links, modules) in one.into_iter().chain(several).chain(two) {
-        for seed in 0..10 {
-            assert!(
-                forms_without(&links, modules, seed),
-                "seed {seed}: {links:?}"
-            );
-        }
-    }
 }

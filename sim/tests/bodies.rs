@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::support::{Trial, drawn, in_phase, spots};
+use crate::support::{Trial, drawn, hold_a_plan, ids, in_phase, spots};
 use formation_generate::Grouping;
 use formation_model::{BlockedSpot, ModuleId, ModulePhase, SpotId};
 use formation_protocol::{Agent, Event, Mutation};
@@ -69,7 +69,7 @@ fn the_spot_of_a_living_module_that_is_cut_off_is_given_to_no_other() {
         assert_eq!(named, format!("{spot} is blocked by the body of {lost}"));
         // It comes back to where it stands.
         trial.cluster.heal();
-        trial.until_formed_again();
+        trial.until(|cluster| hold_a_plan(cluster, &ids(&[1, 2, 3, 4, 5, 6])));
         assert_eq!(trial.spot_of(lost), Some(spot), "seed {seed}");
         assert_eq!(spots(&trial.settled()).len(), 5, "seed {seed}");
     }

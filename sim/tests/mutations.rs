@@ -25,8 +25,8 @@ const FOUND: [(Mutation, u64, ViolationKind); 12] = [
     (Mutation::SkipLeaseWait, 1, ViolationKind::MotionBeforeLease),
     (
         Mutation::DropIncarnationCheck,
-        24,
-        ViolationKind::QuorumDenied,
+        175,
+        ViolationKind::NotWhereFrozen,
     ),
     (
         Mutation::AcceptWithoutRecomputation,
@@ -43,7 +43,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 12] = [
     ),
     (Mutation::CountDeadAsAlive, 0, ViolationKind::NoEnd),
     (Mutation::IgnoreNewcomers, 32, ViolationKind::Hole),
-    (Mutation::IgnoreBodies, 1, ViolationKind::BodiesOverlap),
+    (Mutation::IgnoreBodies, 4, ViolationKind::BodiesOverlap),
 ];
 
 fn agents(mutation: Option<Mutation>) -> AgentFactory {

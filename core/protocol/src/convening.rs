@@ -31,7 +31,7 @@ impl Agent {
         };
         let clique = context.clique();
         let own = context.module();
-        if clique.binary_search(&own).is_err() {
+        if context.is_led(self.stage.epoch()) || clique.binary_search(&own).is_err() {
             // Those that all receive each other convene; this module would keep some of them out.
             context.pacing.clear_reason();
             context.set_shortfall(None);
@@ -43,9 +43,12 @@ impl Agent {
         if all_are_live && live.iter().all(|&module| has_no_epoch(module, context)) {
             context.pacing.end_listening(context.now);
         }
-        // A module that was moved knows best where it stands, so it does not wait for its turn.
-        let is_own = matches!(&reason, EpochReason::Displaced(displaced)
-            if displaced.iter().any(|&(module, _)| module == own));
+        // A module that was moved knows best where it stands, and one that refuses a roster why; neither waits for its turn.
+        let is_own = match &reason {
+            EpochReason::Displaced(displaced) => displaced.iter().any(|&(one, _)| one == own),
+            EpochReason::RemovalsRefused(_) => true,
+            _ => false,
+        };
         let delay = (clique.iter().take_while(|&&module| module < own && !is_own))
             .fold(Duration::ZERO, |delay, _| {
                 delay.saturating_add(context.parameters.convene)

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// After this many failures the time for which a link is down no longer doubles.
-const DOUBLINGS_MAX: u32 = 4;
+const DOUBLINGS_MAX: u32 = 2;
 
 /// A link that held for this many times the least time for which a failure takes it down is as good as one that never failed.
 const MENDED_AFTER: u32 = 32;
@@ -27,10 +27,26 @@ impl Link {
         self.down_until
     }
 
-    /// Nothing came for too long, or its module made no progress.
+    /// Nothing came for longer than `suspicion`, and now something does. The first gap, such as after a cut, takes the link down for no
+    /// longer.
+    /// Enforces M6.
+    pub fn note_gap(&mut self, now: Duration, suspicion: Duration) {
+        let is_first = self.failures == 0 || self.has_mended(now, suspicion);
+        if is_first {
+            (self.failures, self.down_until) = (1, now);
+        } else {
+            self.fail(now, suspicion);
+        }
+    }
+
+    fn has_mended(self, now: Duration, least: Duration) -> bool {
+        now > self.down_until + least * MENDED_AFTER
+    }
+
+    /// Its module made no progress.
     /// Enforces M6.
     pub fn fail(&mut self, now: Duration, least: Duration) {
-        if now > self.down_until + least * MENDED_AFTER {
+        if self.has_mended(now, least) {
             self.failures = 0;
         }
         self.down_until = self.down_until.max(now + least * (1 << self.failures));
@@ -60,8 +76,25 @@ mod tests {
             now = link.down_until() + second;
             assert!(link.is_up(now));
         }
-        assert_eq!(down, [1, 2, 4, 8, 16, 16]);
-        link.fail(now + second * 60, second);
-        assert_eq!(link.down_until(), now + second * 61);
+        assert_eq!(down, [1, 2, 4, 4, 4, 4]);
+        now += second * 60;
+        link.fail(now, second);
+        assert_eq!(link.down_until(), now + second);
+    }
+
+    /// Shows M6.
+    #[test]
+    fn the_first_gap_takes_a_link_down_for_no_longer() {
+        let second = Duration::from_secs(1);
+        let mut link = Link::default();
+        let mut now = second * 100;
+        for down in [0, 2, 4] {
+            link.note_gap(now, second);
+            assert_eq!(link.down_until(), now + second * down);
+            now += second * 10;
+        }
+        now += second * 60;
+        link.note_gap(now, second);
+        assert!(link.is_up(now));
     }
 }

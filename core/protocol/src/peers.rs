@@ -308,8 +308,10 @@ impl Peers {
         let age = peer.age(now);
         let sent_at = peer.sent_at(now, heartbeat.uptime, liveness.period);
         let was_live = age.is_some_and(|age| age <= liveness.suspicion);
-        if known.is_some() && !was_live {
-            peer.link.fail(now, liveness.suspicion);
+        // What lay in a buffer shows no gap.
+        let gap = sent_at.saturating_sub(peer.last_seen());
+        if known.is_some() && gap > liveness.suspicion {
+            peer.link.note_gap(now, liveness.suspicion);
         }
         let differ = |differs: fn(&Heartbeat, &Heartbeat) -> bool| {
             known

@@ -5,7 +5,7 @@ use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{ModuleId, Roster, Service, Whereabouts};
+use formation_model::{Epoch, ModuleId, ModulePhase, Roster, Service, Whereabouts};
 
 use crate::cliques::{self, Candidate};
 use crate::context::Context;
@@ -105,6 +105,20 @@ impl Context {
     /// Whether another module misses a live one.
     pub fn is_missed(&self, module: ModuleId) -> bool {
         self.reception.missed.1.contains(&module)
+    }
+
+    /// Whether a live module holds a plan in a later epoch than this one. Its members judge who is missing, and who is wanted.
+    /// Enforces E6.
+    pub fn is_led(&self, epoch: Option<Epoch>) -> bool {
+        let mut live = self.peers.live(self.liveness());
+        live.any(|(_, peer)| {
+            let heartbeat = peer.heartbeat.as_ref();
+            heartbeat.is_some_and(|heartbeat| {
+                heartbeat.digest.is_some()
+                    && heartbeat.epoch > epoch
+                    && heartbeat.phase != ModulePhase::WaitingForQuorum
+            })
+        })
     }
 
     /// The best clique that this module sees; in ascending order.

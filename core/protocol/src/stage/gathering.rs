@@ -222,7 +222,7 @@ impl Gathering {
         let live = context.peers.live(context.liveness());
         let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
         let ahead: Vec<ModuleId> = ahead.map(|(module, _)| module).collect();
-        if ahead.is_empty() {
+        if ahead.is_empty() || context.is_led(Some(self.epoch)) {
             context.pacing.clear_reason();
             return Transition::Stay(Stage::Gathering(self));
         }
@@ -347,8 +347,9 @@ impl Collection {
         let expected = context.target.expected_modules().filter(|_| is_first);
         let is_complete = match expected {
             Some(expected) if context.running() < expected as usize => false,
-            Some(_) => count >= context.clique().len(),
-            None => is_quiet || count >= context.clique().len(),
+            // What heartbeats list may be over by now, so one that is left out is waited for as well.
+            Some(_) if context.missed_pairs().is_empty() => count >= context.live_modules().len(),
+            _ => is_quiet || count >= context.live_modules().len(),
         };
         if is_complete {
             return Collected::Complete {
