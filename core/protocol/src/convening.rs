@@ -140,7 +140,7 @@ impl Stage {
         if !stuck.is_empty() {
             let least = context.parameters.stuck * 2;
             for &module in &stuck {
-                context.peers.fail_link(module, context.now, least);
+                context.peers.fail_channel(module, context.now, least);
             }
             return Some(EpochReason::Stuck(stuck));
         }

@@ -17,6 +17,7 @@
 //! earlier message, so messages may come late, twice or in any order across writers.
 
 mod asked_plan;
+mod channel;
 mod cliques;
 mod clock_check;
 mod clock_offset;
@@ -26,7 +27,7 @@ mod durable;
 mod event;
 mod io;
 mod known_target;
-mod link;
+
 mod member_bodies;
 mod motion;
 mod outbox;

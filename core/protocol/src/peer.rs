@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use formation_model::{Epoch, Heartbeat, Incarnation, ModuleId, ModuleRun, ModuleState, SourceId};
 
+use super::channel::Channel;
 use super::clock_offset::ClockOffset;
-use super::link::Link;
 
 /// A state and its sender.
 pub(super) type KeptState = (Arc<ModuleState>, Option<SourceId>);
@@ -35,7 +35,7 @@ pub(super) struct Peer {
     /// How its clock differs from this one's.
     clock: Option<ClockOffset>,
     /// Whether this module counts on receiving it.
-    pub link: Link,
+    pub channel: Channel,
 }
 
 impl Peer {
@@ -52,7 +52,7 @@ impl Peer {
             alive_at: None,
             first_seen: now,
             clock: None,
-            link: Link::default(),
+            channel: Channel::default(),
         }
     }
 

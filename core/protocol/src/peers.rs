@@ -31,10 +31,10 @@ pub(super) struct Liveness {
 }
 
 impl Liveness {
-    /// Whether a peer is live: its latest heartbeat is younger than `suspicion`, and its link counts as up.
+    /// Whether a peer is live: its latest heartbeat is younger than `suspicion`, and its channel counts as up.
     pub fn includes(self, peer: &Peer) -> bool {
         let is_recent = |age: Duration| age <= self.suspicion;
-        peer.link.is_up(self.now) && peer.age(self.now).is_some_and(is_recent)
+        peer.channel.is_up(self.now) && peer.age(self.now).is_some_and(is_recent)
     }
 }
 
@@ -311,7 +311,7 @@ impl Peers {
         // What lay in a buffer shows no gap.
         let gap = sent_at.saturating_sub(peer.last_seen());
         if known.is_some() && gap > liveness.suspicion {
-            peer.link.note_gap(now, liveness.suspicion);
+            peer.channel.note_gap(now, liveness.suspicion);
         }
         let differ = |differs: fn(&Heartbeat, &Heartbeat) -> bool| {
             known
@@ -382,7 +382,7 @@ impl Peers {
         }
     }
 
-    /// Whether a module's latest heartbeat is younger than `suspicion` and its link counts as up.
+    /// Whether a module's latest heartbeat is younger than `suspicion` and its channel counts as up.
     /// Enforces M1.
     pub fn is_live(&self, liveness: Liveness, module: ModuleId) -> bool {
         self.get(module).is_some_and(|peer| liveness.includes(peer))
@@ -396,21 +396,21 @@ impl Peers {
             .map(|(&module, peer)| (module, peer))
     }
 
-    /// Takes the link from a module for failed, because that makes no progress.
+    /// Takes the channel from a module for failed, because that makes no progress.
     /// Enforces M6.
-    pub fn fail_link(&mut self, module: ModuleId, now: Duration, least: Duration) {
+    pub fn fail_channel(&mut self, module: ModuleId, now: Duration, least: Duration) {
         if let Some(peer) = self.peers.get_mut(&module) {
-            peer.link.fail(now, least);
+            peer.channel.fail(now, least);
             self.changes += 1;
         }
     }
 
     /// These members show the same plan as this module.
-    pub fn note_same_plan(&mut self, members: &BTreeMap<ModuleId, Incarnation>) {
+    pub fn note_same_plan(&mut self, now: Duration, members: &BTreeMap<ModuleId, Incarnation>) {
         self.changes += 1;
         let is_member = |(module, _): &(&ModuleId, &mut Peer)| members.contains_key(module);
         let members = self.peers.iter_mut().filter(is_member);
-        members.for_each(|(_, peer)| peer.link.recover());
+        members.for_each(|(_, peer)| peer.channel.recover(now));
     }
 
     /// The pairs of live modules, or of this one and a live one, of which the first does not receive the second.
@@ -463,7 +463,7 @@ impl Peers {
                 .age(liveness.now)
                 .filter(|&age| age <= liveness.suspicion);
             let silent_at = age.map(|age| liveness.now + (liveness.suspicion - age));
-            let up_at = Some(peer.link.down_until()).filter(|&at| at > liveness.now);
+            let up_at = Some(peer.channel.down_until()).filter(|&at| at > liveness.now);
             silent_at.into_iter().chain(up_at)
         });
         self.calm = Some(Calm {

@@ -222,7 +222,7 @@ impl Bodies {
     }
 
     /// The reports on modules that are not among these members (ascending).
-    fn outside(&self, members: &[RosterMember]) -> Vec<BodyReport> {
+    pub fn outside(&self, members: &[RosterMember]) -> Vec<BodyReport> {
         let mut members = members.iter().map(|member| member.module.id).peekable();
         self.reports(|module| {
             while members.next_if(|&id| id < module).is_some() {}
@@ -524,34 +524,6 @@ impl Context {
         let in_the_way = displaced.filter(|body| is_in_the_way(body, self));
         let in_the_way: Vec<ModuleId> = in_the_way.map(|body| body.module).collect();
         (!in_the_way.is_empty()).then_some(EpochReason::BodiesUnlisted(in_the_way))
-    }
-
-    /// Whether these modules, which no roster lists, could fill more spots than its own members, now that they can move, if some of
-    /// those are left out.
-    pub fn could_fill_more(
-        &self,
-        roster: &Roster,
-        newcomers: &[ModuleId],
-        left_out: usize,
-    ) -> bool {
-        let Some(target) = &roster.target.target else {
-            return false;
-        };
-        if newcomers.is_empty() {
-            return false;
-        }
-        let filled = roster
-            .open_part_by(&roster.bodies)
-            .map_or(0, |part| part.room);
-        if filled >= target.spots().len() {
-            return false;
-        }
-        let mut known = self.bodies.outside(&roster.members);
-        known.retain(|body| !newcomers.contains(&body.module) && !self.removals.is_due(body.run()));
-        let with_them = roster.open_part_by(&known).map_or(0, |part| {
-            (part.room + newcomers.len() - left_out).min(part.target.spots().len())
-        });
-        with_them > filled
     }
 }
 

@@ -181,4 +181,32 @@ impl Context {
         self.wake_at(due);
         self.now >= due
     }
+
+    /// Whether these modules, which no roster lists, could fill more spots than its own members, now that they can move, if some of
+    /// those are left out.
+    pub fn could_fill_more(
+        &self,
+        roster: &Roster,
+        newcomers: &[ModuleId],
+        left_out: usize,
+    ) -> bool {
+        let Some(target) = &roster.target.target else {
+            return false;
+        };
+        if newcomers.is_empty() {
+            return false;
+        }
+        let filled = roster
+            .open_part_by(&roster.bodies)
+            .map_or(0, |part| part.room);
+        if filled >= target.spots().len() {
+            return false;
+        }
+        let mut known = self.bodies.outside(&roster.members);
+        known.retain(|body| !newcomers.contains(&body.module) && !self.removals.is_due(body.run()));
+        let with_them = roster.open_part_by(&known).map_or(0, |part| {
+            (part.room + newcomers.len() - left_out).min(part.target.spots().len())
+        });
+        with_them > filled
+    }
 }

@@ -83,7 +83,7 @@ impl Acting {
     pub fn begin(held: HeldPlan, context: &mut Context) -> Self {
         let (now, epoch) = (context.now, held.epoch());
         let idle_at = held.idle_at(context);
-        context.peers.note_same_plan(&held.roster_plan.members);
+        context.peers.note_same_plan(now, &held.roster_plan.members);
         let is_first = !context.session.was_in_force;
         context.session.note_in_force(&held.roster);
         context.settle_removals(&held.roster);

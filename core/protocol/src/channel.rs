@@ -2,21 +2,21 @@
 
 use std::time::Duration;
 
-/// After this many failures the time for which a link is down no longer doubles.
+/// After this many failures the time for which a channel is down no longer doubles.
 const DOUBLINGS_MAX: u32 = 2;
 
-/// A link that held for this many times the least time for which a failure takes it down is as good as one that never failed.
+/// A channel that held for this many times the least time for which a failure takes it down is as good as one that never failed.
 const MENDED_AFTER: u32 = 32;
 
-/// A link from another module. One that fails is down for a while, for twice as long with each failure that follows, so that one that
+/// The channel from another module. One that fails is down for a while, for twice as long with each failure that follows, so that one that
 /// comes and goes ends fewer and fewer rosters.
 #[derive(Clone, Copy, Debug, Default, Hash)]
-pub(super) struct Link {
+pub(super) struct Channel {
     failures: u32,
     down_until: Duration,
 }
 
-impl Link {
+impl Channel {
     /// Enforces M6.
     pub fn is_up(self, now: Duration) -> bool {
         self.down_until <= now
@@ -27,7 +27,7 @@ impl Link {
         self.down_until
     }
 
-    /// Nothing came for longer than `suspicion`, and now something does. The first gap, such as after a cut, takes the link down for no
+    /// Nothing came for longer than `suspicion`, and now something does. The first gap, such as after a cut, takes the channel down for no
     /// longer.
     /// Enforces M6.
     pub fn note_gap(&mut self, now: Duration, suspicion: Duration) {
@@ -54,8 +54,8 @@ impl Link {
     }
 
     /// Its module shows the same plan as this one.
-    pub fn recover(&mut self) {
-        self.down_until = Duration::ZERO;
+    pub fn recover(&mut self, now: Duration) {
+        self.down_until = self.down_until.min(now);
     }
 }
 
@@ -65,36 +65,36 @@ mod tests {
 
     /// Shows M6.
     #[test]
-    fn a_link_that_fails_again_and_again_is_down_for_longer_and_longer() {
+    fn a_channel_that_fails_again_and_again_is_down_for_longer_and_longer() {
         let second = Duration::from_secs(1);
-        let mut link = Link::default();
+        let mut channel = Channel::default();
         let mut now = second * 100;
         let mut down = Vec::new();
         for _ in 0..6 {
-            link.fail(now, second);
-            down.push((link.down_until() - now).as_secs());
-            now = link.down_until() + second;
-            assert!(link.is_up(now));
+            channel.fail(now, second);
+            down.push((channel.down_until() - now).as_secs());
+            now = channel.down_until() + second;
+            assert!(channel.is_up(now));
         }
         assert_eq!(down, [1, 2, 4, 4, 4, 4]);
         now += second * 60;
-        link.fail(now, second);
-        assert_eq!(link.down_until(), now + second);
+        channel.fail(now, second);
+        assert_eq!(channel.down_until(), now + second);
     }
 
     /// Shows M6.
     #[test]
-    fn the_first_gap_takes_a_link_down_for_no_longer() {
+    fn the_first_gap_takes_a_channel_down_for_no_longer() {
         let second = Duration::from_secs(1);
-        let mut link = Link::default();
+        let mut channel = Channel::default();
         let mut now = second * 100;
         for down in [0, 2, 4] {
-            link.note_gap(now, second);
-            assert_eq!(link.down_until(), now + second * down);
+            channel.note_gap(now, second);
+            assert_eq!(channel.down_until(), now + second * down);
             now += second * 10;
         }
         now += second * 60;
-        link.note_gap(now, second);
-        assert!(link.is_up(now));
+        channel.note_gap(now, second);
+        assert!(channel.is_up(now));
     }
 }
