@@ -9,7 +9,9 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use formation_model::{ModuleId, MotionPlan, Plan, PlanningProblem, Policy, Scenario, SpotId};
+use formation_model::{
+    Area, MicroUnits, ModuleId, MotionPlan, Plan, PlanningProblem, Policy, Pose, Scenario, SpotId,
+};
 use formation_motion::PlannedMotion;
 use formation_motion::paths::MotionError;
 use formation_planner::plan;
@@ -255,5 +257,38 @@ fn pinned_modules_swap_nothing() {
     let problem = Arc::new(problem);
     if let Ok((_, plan)) = planned(&problem) {
         assert!(plan.swaps.is_empty(), "{:?}", plan.swaps);
+    }
+}
+
+/// The pair stands in a bay of absent bodies and finds no way as a block. The field in which its modules swap spots with module 8, which
+/// comes onto the lattice, is not the one in which the claims were looked at.
+#[test]
+fn a_swap_that_changes_the_field_is_left_out() {
+    let bay = "
+target:
+  spots: [{id: 1, x: 8, y: 8}, {id: 2, x: 8, y: 9}, {id: 3, x: 8, y: 7}, {id: 5, x: 9, y: 9}, {id: 7, x: 7, y: 7}]
+  edges: [[1, 2], [1, 3], [2, 5], [3, 7]]
+configurations:
+  - {id: 1, modules: [{id: 1, x: 6, y: 5, theta: 1.570796}, {id: 2, x: 6, y: 6, theta: 1.570796}], edges: [[1, 2]]}
+singletons: [{id: 6, x: 9, y: 9}, {id: 8, x: 9.29712, y: 8}]
+";
+    let at = |x, y| Pose::from_units(x, y, 0.0).unwrap();
+    let lines = [
+        ((5.0, 5.0), (5.0, 8.0)),
+        ((5.0, 8.0), (7.0, 8.0)),
+        ((6.0, 4.0), (6.0, 4.0)),
+        ((7.0, 5.0), (7.0, 4.0)),
+        ((7.0, 4.0), (8.0, 4.0)),
+        ((8.0, 4.0), (8.0, 6.0)),
+    ];
+    let width = MicroUnits(900_000);
+    let bodies = lines.map(|(from, to): ((f64, f64), (f64, f64))| {
+        Area::around_line((&at(from.0, from.1), &at(to.0, to.1)), width)
+    });
+    let scenario = Scenario::from_yaml(bay).unwrap();
+    let problem = scenario.problem().clone().with_bodies(bodies.to_vec());
+    let problem = Arc::new(problem);
+    if let Ok((motion, _)) = planned(&problem) {
+        assert!(motion.makespan > 0);
     }
 }

@@ -98,6 +98,11 @@ pub(super) struct Arena {
 }
 
 impl Arena {
+    /// Whether the indices of cells mean the same in another one.
+    pub fn covers_same(&self, other: &Self) -> bool {
+        (self.low, self.width, self.height) == (other.low, other.width, other.height)
+    }
+
     /// The cells around some sites, `margin` in each direction, within the walls and without the obstacles.
     pub fn around(
         lattice: &Lattice,

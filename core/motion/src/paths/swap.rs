@@ -103,7 +103,7 @@ fn plan_passing(request: &MotionRequest) -> Option<Swapped> {
         ..*request
     };
     let on_lattice = LatticeRequest::with_room(&swapped, room).ok()?;
-    if on_lattice.starts != claimed.starts {
+    if on_lattice.starts != claimed.starts || !on_lattice.arena.covers_same(&claimed.arena) {
         return None;
     }
     let mut motion = on_lattice.plan_passage(&passage)?;
