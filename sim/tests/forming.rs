@@ -13,7 +13,7 @@ use formation_sim::{
     CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, NetworkParameters, run_seed,
 };
 
-use crate::support::{Trial, scenario};
+use crate::support::{Trial, drawn, in_phase, scenario, waiting_for_a_lease};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(Grouping::Mixed);
@@ -157,4 +157,32 @@ fn a_run_is_not_over_before_its_processes_have_started() {
         let report = run_seed(&parameters, seed).unwrap();
         assert_eq!(report.ending, Ending::Formed, "seed {seed}");
     }
+}
+
+/// All links fail while the members wait for the lease, and come back: they go on with the plan on which they had agreed.
+/// Shows Q6.
+#[test]
+fn a_module_that_moves_does_not_show_that_it_waits_for_a_quorum() {
+    let problem = drawn(6, 6, Grouping::Singletons, 3);
+    let mut trial = Trial::with(&problem, waiting_for_a_lease(), 3);
+    trial.until(|cluster| !in_phase(cluster, ModulePhase::Waiting).is_empty());
+    let all: Vec<ModuleId> = (1..=6).map(ModuleId).collect();
+    let links = all
+        .iter()
+        .flat_map(|&from| all.iter().map(move |&to| (from, to)));
+    trial.cluster.sever(&links.collect());
+    trial.until(|cluster| in_phase(cluster, ModulePhase::WaitingForQuorum).len() == 6);
+    trial.cluster.heal();
+    let mut have_moved = BTreeSet::new();
+    while trial.settled().len() < 6 {
+        trial.run_for(Duration::from_millis(5));
+        for &module in &all {
+            let standing = trial.cluster.standing(module).unwrap();
+            if standing.moving {
+                have_moved.insert(module);
+                assert_ne!(standing.phase, ModulePhase::WaitingForQuorum, "{module}");
+            }
+        }
+    }
+    assert!(!have_moved.is_empty());
 }

@@ -237,7 +237,8 @@ impl Agent {
     /// What the module is doing.
     #[must_use]
     pub fn phase(&self) -> ModulePhase {
-        if self.context.shortfall.is_some() {
+        // While it moves, all members agree.
+        if self.context.shortfall.is_some() && !self.context.robot.moving {
             ModulePhase::WaitingForQuorum
         } else {
             self.stage.phase()

@@ -87,6 +87,7 @@ impl Acting {
         let is_first = !context.session.was_in_force;
         context.session.note_in_force(&held.roster);
         context.settle_removals(&held.roster);
+        context.set_shortfall(None);
         context.pacing.relax(context.parameters.epoch_interval);
         context.mark_state_changed();
         context.emit(Event::Agreed(epoch));
