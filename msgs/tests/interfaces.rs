@@ -252,6 +252,7 @@ fn bounds_agree() {
     let text = |field: &str, bound| (field.to_owned(), None, Some(bound));
     let of_rust = BTreeSet::from([
         list("Body.path_micro", bounds::PATH_NUMBERS_MAX),
+        list("Heartbeat.misses", bounds::MODULES_MAX),
         list("Heartbeat.modules", bounds::MODULES_MAX),
         list("ModuleState.agreed_on", bounds::MODULES_MAX),
         list("ModuleState.bodies", bounds::MODULES_MAX),

@@ -355,7 +355,7 @@ fn rosters() {
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
-            "roster: protocol_version: is 1, but this program speaks version 7; run the same build everywhere";
+            "roster: protocol_version: is 1, but this program speaks version 8; run the same build everywhere";
         roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
         roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
         roster => roster.stage = 0, "roster: stage: 0 is unknown; known are GATHER 1, PLAN 2";
@@ -531,8 +531,8 @@ fn heartbeats() {
         sample => sample.modules[1].module_id = NONE,
             "heartbeats: modules[1].module_id: 4294967295 stands for none and cannot be used here";
         sample => sample.misses[1] = NONE,
-            "heartbeats: misses[1]: module 4294967295 stands for none and cannot be used here";
-        sample => sample.misses[1] = 1, "heartbeats: misses[1]: module 1 must stand after module 2, the list ascends";
+            "heartbeats: misses[1]: 4294967295 stands for none and cannot be used here";
+        sample => sample.misses[1] = 1, "heartbeats: misses[1]: module 2 must stand after module 1, the list ascends";
         sample => sample.modules[1].uptime.sec = -1,
             "heartbeats: modules[1].uptime: needs sec >= 0 and nanosec < 10^9";
         sample => sample.modules[1].uptime.nanosec = 1_000_000_000,
@@ -576,7 +576,7 @@ fn commands() {
     };
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
-            "commands: protocol_version: is 1, but this program speaks version 7; run the same build everywhere";
+            "commands: protocol_version: is 1, but this program speaks version 8; run the same build everywhere";
         sample => sample.removals[1].incarnation = 0,
             "commands: removals[1].incarnation: 0 names no run; give the incarnation that heartbeats or a roster showed";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";

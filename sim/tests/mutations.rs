@@ -16,7 +16,7 @@ use formation_sim::{
 
 /// Each bug, a seed that finds it, and the violation.
 const FOUND: [(Mutation, u64, ViolationKind); 12] = [
-    (Mutation::AcceptStaleEpoch, 1, ViolationKind::EpochWentBack),
+    (Mutation::AcceptStaleEpoch, 4, ViolationKind::EpochWentBack),
     (
         Mutation::SkipDigestBarrier,
         1,
@@ -25,7 +25,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 12] = [
     (Mutation::SkipLeaseWait, 1, ViolationKind::MotionBeforeLease),
     (
         Mutation::DropIncarnationCheck,
-        175,
+        62,
         ViolationKind::NotWhereFrozen,
     ),
     (

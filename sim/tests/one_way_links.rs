@@ -6,7 +6,7 @@ use std::time::Duration;
 use formation_generate::{Grouping, Random};
 use formation_model::{ModuleId, ModulePhase, Roster};
 
-use crate::support::{Trial, drawn_beside};
+use crate::support::{Trial, drawn_beside, hold_a_plan};
 
 /// How long after the last change of links a roster is to be in force in all but few runs, and in all.
 const SOON: Duration = Duration::from_secs(60);
@@ -135,6 +135,22 @@ fn run(seeds: std::ops::Range<u64>) -> (u64, u64, u64) {
         }
     }
     (soon, largest, all)
+}
+
+/// Module 10 never starts, so that the first gathering waits for it; module 2 does not receive module 1, and does not convene as well.
+/// Shows E4, G2.
+#[test]
+fn who_is_left_out_does_not_convene_while_others_wait_for_a_module_that_is_not_there() {
+    let mut trial = Trial::new(&drawn_beside(10, 10, Grouping::Singletons, 1), 1);
+    trial
+        .cluster
+        .start_late(ModuleId(10), Duration::from_secs(3_600));
+    trial.cluster.sever(&[(ModuleId(1), ModuleId(2))].into());
+    let members: BTreeSet<ModuleId> = [1, 3, 4, 5, 6, 7, 8, 9].map(ModuleId).into();
+    trial.run_for(Duration::from_secs(90));
+    assert!(hold_a_plan(&trial.cluster, &members));
+    // Until all have listened for `suspicion`, no one can know.
+    assert!(trial.convened.len() <= 3, "{}", trial.convened.len());
 }
 
 /// Shows E6, E7.

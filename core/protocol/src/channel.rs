@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
-/// After this many failures the time for which a channel is down no longer doubles.
-const DOUBLINGS_MAX: u32 = 2;
+/// After this many failures the time for which a channel is down no longer doubles; it is the shorter for gaps, which end by themselves.
+const DOUBLINGS_MAX: u32 = 4;
+const GAP_DOUBLINGS_MAX: u32 = 2;
 
 /// A channel that held for this many times the least time for which a failure takes it down is as good as one that never failed.
 const MENDED_AFTER: u32 = 32;
@@ -30,26 +31,29 @@ impl Channel {
     /// Nothing came for longer than `suspicion`, and now something does. The first gap, such as after a cut, takes the channel down for no
     /// longer.
     /// Enforces M6.
-    pub fn note_gap(&mut self, now: Duration, suspicion: Duration) {
-        let is_first = self.failures == 0 || self.has_mended(now, suspicion);
-        if is_first {
+    pub fn note_gap(&mut self, last_seen: Duration, now: Duration, suspicion: Duration) {
+        if self.failures == 0 || self.has_mended(last_seen, suspicion) {
             (self.failures, self.down_until) = (1, now);
         } else {
+            self.failures = self.failures.min(GAP_DOUBLINGS_MAX);
             self.fail(now, suspicion);
         }
     }
 
-    fn has_mended(self, now: Duration, least: Duration) -> bool {
-        now > self.down_until + least * MENDED_AFTER
+    fn has_mended(self, last_seen: Duration, least: Duration) -> bool {
+        last_seen > self.down_until + least * MENDED_AFTER
     }
 
     /// Its module made no progress.
     /// Enforces M6.
     pub fn fail(&mut self, now: Duration, least: Duration) {
+        if !self.is_up(now) {
+            return;
+        }
         if self.has_mended(now, least) {
             self.failures = 0;
         }
-        self.down_until = self.down_until.max(now + least * (1 << self.failures));
+        self.down_until = now + least * (1 << self.failures);
         self.failures = (self.failures + 1).min(DOUBLINGS_MAX);
     }
 
@@ -76,7 +80,7 @@ mod tests {
             now = channel.down_until() + second;
             assert!(channel.is_up(now));
         }
-        assert_eq!(down, [1, 2, 4, 4, 4, 4]);
+        assert_eq!(down, [1, 2, 4, 8, 16, 16]);
         now += second * 60;
         channel.fail(now, second);
         assert_eq!(channel.down_until(), now + second);
@@ -89,12 +93,12 @@ mod tests {
         let mut channel = Channel::default();
         let mut now = second * 100;
         for down in [0, 2, 4] {
-            channel.note_gap(now, second);
+            channel.note_gap(now - second, now, second);
             assert_eq!(channel.down_until(), now + second * down);
             now += second * 10;
         }
         now += second * 60;
-        channel.note_gap(now, second);
+        channel.note_gap(now - second, now, second);
         assert!(channel.is_up(now));
     }
 }

@@ -30,14 +30,28 @@ type Value = (bool, usize, usize, Reverse<usize>, Vec<ModuleId>);
 
 /// The best set of some candidates, in ascending order, that holds none of the missed pairs.
 ///
-/// It has a quorum if any has one, then the most voters, then the most active modules, then the lowest identifiers.
+/// It has a quorum if any has one, then the most voters, then the most active modules, then the lowest identifiers. A module that is
+/// paired with itself is in none.
 pub(super) fn best(
     candidates: &[Candidate],
     missed: &[(ModuleId, ModuleId)],
     has_quorum: impl Fn(&[ModuleId]) -> bool,
 ) -> Vec<ModuleId> {
+    let alone = missed.iter().filter(|(one, other)| one == other);
+    let alone: BTreeSet<ModuleId> = alone.map(|&(module, _)| module).collect();
+    let candidates = candidates.iter().copied();
+    let candidates: Vec<Candidate> = candidates
+        .filter(|candidate| !alone.contains(&candidate.module))
+        .collect();
+    let is_candidate = |module: ModuleId| {
+        let find = candidates.binary_search_by_key(&module, |candidate| candidate.module);
+        find.is_ok()
+    };
     let mut neighbours: BTreeMap<ModuleId, BTreeSet<ModuleId>> = BTreeMap::new();
     for &(one, other) in missed {
+        if !is_candidate(one) || !is_candidate(other) {
+            continue;
+        }
         neighbours.entry(one).or_default().insert(other);
         neighbours.entry(other).or_default().insert(one);
     }
@@ -59,7 +73,7 @@ pub(super) fn best(
     });
     let remaining: BTreeMap<ModuleId, BTreeSet<ModuleId>> = lowest.collect();
     let mut search = Search {
-        candidates,
+        candidates: &candidates,
         alike: &alike,
         has_quorum,
         branches: 0,
@@ -86,21 +100,17 @@ impl<F: Fn(&[ModuleId]) -> bool> Search<'_, F> {
         out: &mut BTreeSet<ModuleId>,
     ) {
         self.branches += 1;
-        let missed = |others: &BTreeSet<ModuleId>| {
-            others
-                .iter()
-                .map(|other| self.alike[other].len())
-                .sum::<usize>()
-        };
-        let worst = remaining
-            .iter()
-            .max_by_key(|(module, others)| (missed(others), **module));
-        let Some((&worst, others)) = worst else {
-            return self.note(out);
-        };
         if !self.may_be_better(out) {
             return;
         }
+        let size = |module: &ModuleId| self.alike[module].len();
+        let missed = |others: &BTreeSet<ModuleId>| others.iter().map(size).sum::<usize>();
+        let worst = remaining
+            .iter()
+            .max_by_key(|(module, others)| (others.len(), missed(others), **module));
+        let Some((&worst, others)) = worst.filter(|(_, others)| others.len() > 1) else {
+            return self.finish(remaining, out);
+        };
         let without = BTreeSet::from([worst]);
         for left_out in [&without, others] {
             if self.best.is_some() && self.branches >= BRANCHES_MAX {
@@ -113,6 +123,42 @@ impl<F: Fn(&[ModuleId]) -> bool> Search<'_, F> {
                 out.remove(&module);
             }
         }
+    }
+
+    /// Leaves out one end of each pair, of pairs that have no end in common.
+    fn finish(
+        &mut self,
+        remaining: &BTreeMap<ModuleId, BTreeSet<ModuleId>>,
+        out: &mut BTreeSet<ModuleId>,
+    ) {
+        let pairs = remaining.iter();
+        let pairs = pairs.flat_map(|(&one, others)| others.iter().map(move |&other| (one, other)));
+        let worse = pairs
+            .filter(|(one, other)| one < other)
+            .map(|(one, other)| {
+                let value = |module| count(&self.like(module));
+                // Of equal ones the higher.
+                if value(one) < value(other) {
+                    one
+                } else {
+                    other
+                }
+            });
+        let added: Vec<ModuleId> = worse.collect();
+        out.extend(&added);
+        self.note(out);
+        for module in added {
+            out.remove(&module);
+        }
+    }
+
+    /// The candidates that are like one.
+    fn like(&self, lowest: ModuleId) -> Vec<Candidate> {
+        let alike = &self.alike[&lowest];
+        let candidates = self.candidates.iter().copied();
+        candidates
+            .filter(|candidate| alike.binary_search(&candidate.module).is_ok())
+            .collect()
     }
 
     /// Whether a set without these, and maybe without others, may be better than the best.
@@ -232,6 +278,17 @@ mod tests {
 
     /// Shows E4.
     #[test]
+    fn one_that_misses_many_is_in_none_and_pairs_apart_are_judged_one_by_one() {
+        let many = candidates(60);
+        let mut missed: Vec<(u32, u32)> = (1..=25).map(|pair| (pair, pair + 30)).collect();
+        missed.push((60, 60));
+        let mut expected: Vec<u32> = (1..=30).collect();
+        expected.extend(56..=59);
+        assert_eq!(best_of(&many, &missed, 31), expected);
+    }
+
+    /// Shows E4.
+    #[test]
     fn two_halves_that_do_not_receive_each_other_are_found_at_once() {
         let many = candidates(60);
         let missed: Vec<(u32, u32)> = (1..=25)
@@ -262,11 +319,10 @@ mod tests {
             };
             let sets = (0_u32..1 << 11).filter(|set| set & 1 == 0 && holds(*set));
             let largest = sets.map(u32::count_ones).max().unwrap();
-            assert_eq!(
-                best_of(&ten, &missed, 6).len(),
-                largest as usize,
-                "{missed:?}"
-            );
+            let found = best_of(&ten, &missed, 6);
+            assert_eq!(found.len(), largest as usize, "{missed:?}");
+            let set = found.iter().map(|module| 1_u32 << module).sum();
+            assert!(holds(set), "{missed:?}: {found:?}");
         }
     }
 }

@@ -11,6 +11,7 @@ use formation_model::{
 use super::Agent;
 use super::context::Context;
 use super::event::EpochReason;
+use super::peer::Peer;
 use super::stage::{Gathering, Stage};
 
 impl Agent {
@@ -90,6 +91,7 @@ fn bodies_gone(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
     let mut is_gone = |module: ModuleId| {
         let takes_part = context.peers.is_live(context.liveness(), module)
             && stands(module, context)
+            && hears(module, roster.epoch, context)
             && context.is_wanted(module);
         takes_part || context.is_removable(module)
     };
@@ -134,7 +136,7 @@ impl Stage {
         }
         let ahead = ahead_of(roster, stuck.iter().copied(), context);
         if !ahead.is_empty() {
-            // They make progress, without this module. Were they excluded, this module would lack them for a quorum.
+            // They make progress, without this module. Were their channels taken for failed, it would lack them for a quorum.
             return Some(EpochReason::MembersAhead(ahead));
         }
         if !stuck.is_empty() {
@@ -174,7 +176,9 @@ impl Stage {
         }
         let newcomers = wanted_newcomers(roster, context);
         if newcomers.is_empty() {
-            context.peers.note_calm(context.liveness(), judged);
+            if !context.may_replace_later() {
+                context.peers.note_calm(context.liveness(), judged);
+            }
             return None;
         }
         Some(EpochReason::Newcomers(newcomers))
@@ -349,13 +353,16 @@ fn wanted_newcomers(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
     let newcomers = in_clique.difference(&planned).copied();
     let newcomers: Vec<ModuleId> = newcomers
         .filter(|&module| context.is_active(module) && !context.is_outdated(module))
-        .filter(|&module| stands(module, context))
+        .filter(|&module| stands(module, context) && hears(module, roster.epoch, context))
         .collect();
     let left_out = planned.difference(&in_clique).count();
-    let is_better = newcomers.len() > left_out
-        && context.could_fill_more(roster, &newcomers, left_out)
-        && (left_out == 0 || context.may_replace(clique));
-    if is_better { newcomers } else { Vec::new() }
+    let fills_more =
+        newcomers.len() > left_out && context.could_fill_more(roster, &clique, &newcomers);
+    if left_out == 0 || !fills_more {
+        context.forget_replacing();
+    }
+    let may_replace = fills_more && (left_out == 0 || context.may_replace(clique));
+    if may_replace { newcomers } else { Vec::new() }
 }
 
 fn waits_for_quorum(module: ModuleId, context: &Context) -> bool {
@@ -370,6 +377,13 @@ fn stands(module: ModuleId, context: &Context) -> bool {
     }
     let state = context.peers.state(module);
     state.is_none_or(|state| state.drive == DriveState::Standing)
+}
+
+/// Whether a module would receive the call to an epoch: it knows who votes, and so lists whom it does not receive, or has come to this
+/// epoch.
+fn hears(module: ModuleId, epoch: Epoch, context: &Context) -> bool {
+    let peer = context.peers.get(module);
+    peer.is_some_and(Peer::knows_voters) || follows(module, epoch, context)
 }
 
 /// Whether a module knows this epoch. A module that receives the members' messages follows them to their epoch; one that does

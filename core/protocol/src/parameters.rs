@@ -16,7 +16,7 @@ pub struct AgentParameters {
     pub suspicion: Duration,
     /// A module moves only while every member's latest heartbeat is younger than this; less than `suspicion`.
     pub lease: Duration,
-    /// The k-th lowest live module steps in as convener after k times this.
+    /// The k-th lowest module of the best clique convenes after k times this.
     pub convene: Duration,
     /// Without a known number of modules, a gathering ends when no module joined it for this long.
     pub gather: Duration,

@@ -129,13 +129,6 @@ impl Peer {
         self.heartbeat = Some(heartbeat);
     }
 
-    /// Whether its latest heartbeat says that it receives a voter: it has listened, knows of the voter, and does not miss it.
-    pub fn receives_voter(&self, voter: ModuleId, suspicion: Duration) -> bool {
-        let heartbeat = self.heartbeat.as_ref();
-        let has_listened = heartbeat.is_some_and(|heartbeat| heartbeat.uptime > suspicion);
-        has_listened && self.knows_voters() && self.misses().binary_search(&voter).is_err()
-    }
-
     /// The modules that its latest heartbeat lists as not received.
     pub fn misses(&self) -> &[ModuleId] {
         let heartbeat = self.heartbeat.as_ref();

@@ -19,6 +19,9 @@ const PEERS_MIN: usize = 1_024;
 /// A run that has been silent for this many times `suspicion` no longer keeps an earlier run of its module out.
 pub(super) const SILENCES_REMEMBERED: u32 = 4;
 
+/// A module that misses more live ones than this is left out as it is: so many pairs are those of a cut.
+const MISSES_MAX: usize = 64;
+
 /// When, and by which limit, modules are judged to be live.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Liveness {
@@ -160,11 +163,6 @@ impl Peers {
         heartbeat.is_some_and(|heartbeat| {
             heartbeat.epoch == Some(epoch) && heartbeat.phase == ModulePhase::Computing
         })
-    }
-
-    /// Which they are, in ascending order.
-    pub fn ids(&self) -> impl Iterator<Item = ModuleId> {
-        self.peers.keys().copied()
     }
 
     /// All of them.
@@ -309,9 +307,9 @@ impl Peers {
         let sent_at = peer.sent_at(now, heartbeat.uptime, liveness.period);
         let was_live = age.is_some_and(|age| age <= liveness.suspicion);
         // What lay in a buffer shows no gap.
-        let gap = sent_at.saturating_sub(peer.last_seen());
-        if known.is_some() && gap > liveness.suspicion {
-            peer.channel.note_gap(now, liveness.suspicion);
+        let last_seen = peer.last_seen();
+        if known.is_some() && sent_at.saturating_sub(last_seen) > liveness.suspicion {
+            peer.channel.note_gap(last_seen, now, liveness.suspicion);
         }
         let differ = |differs: fn(&Heartbeat, &Heartbeat) -> bool| {
             known
@@ -413,7 +411,8 @@ impl Peers {
         members.for_each(|(_, peer)| peer.channel.recover(now));
     }
 
-    /// The pairs of live modules, or of this one and a live one, of which the first does not receive the second.
+    /// The pairs of live modules, or of this one and a live one, of which the first does not receive the second. One that misses many is
+    /// paired with itself.
     pub fn missed_pairs(&self, liveness: Liveness, own: ModuleId) -> Vec<(ModuleId, ModuleId)> {
         let is_here = |module: ModuleId| module == own || self.is_live(liveness, module);
         let mut pairs = Vec::new();
@@ -423,9 +422,13 @@ impl Peers {
             let misses = peer.misses();
             if last.0 != misses {
                 let here = misses.iter().copied().filter(|&missed| is_here(missed));
-                last = (misses, here.collect());
+                last = (misses, here.take(MISSES_MAX + 1).collect());
             }
-            pairs.extend(last.1.iter().map(|&missed| (module, missed)));
+            if last.1.len() > MISSES_MAX {
+                pairs.push((module, module));
+            } else {
+                pairs.extend(last.1.iter().map(|&missed| (module, missed)));
+            }
         }
         pairs
     }

@@ -37,7 +37,7 @@ impl Tunables for AgentTiming {
             time(
                 "convene_s",
                 |own| &mut own.0.convene,
-                "The k-th lowest live module steps in as convener after k times this",
+                "The k-th lowest module of the best clique convenes after k times this",
             ),
             time(
                 "gather_s",

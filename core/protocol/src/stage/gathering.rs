@@ -226,8 +226,8 @@ impl Gathering {
             context.pacing.clear_reason();
             return Transition::Stay(Stage::Gathering(self));
         }
-        // The call of one that is ahead may be on its way.
-        let due = context.pacing.due(context.now, context.parameters.convene);
+        // The call of one that is ahead may be on its way, or it gathers.
+        let due = context.pacing.due(context.now, context.parameters.stuck);
         if context.now < due {
             context.wake_at(due);
             return Transition::Stay(Stage::Gathering(self));
@@ -348,7 +348,7 @@ impl Collection {
         let is_complete = match expected {
             Some(expected) if context.running() < expected as usize => false,
             // What heartbeats list may be over by now, so one that is left out is waited for as well.
-            Some(_) if context.missed_pairs().is_empty() => count >= context.live_modules().len(),
+            Some(expected) if context.missed_pairs().is_empty() => count >= expected as usize,
             _ => is_quiet || count >= context.live_modules().len(),
         };
         if is_complete {
