@@ -173,6 +173,13 @@ impl Context {
         votes
     }
 
+    /// Whether the best clique has a majority without some of its modules.
+    pub fn has_quorum_without(&mut self, some: &[ModuleId]) -> bool {
+        let mut votes = self.clique_votes();
+        votes.retain(|(module, _)| !some.contains(module));
+        self.shortfall_of(&votes).is_none()
+    }
+
     /// Whether a majority would be lacking if one more voter fell silent.
     pub fn depends_on_each_voter(&mut self) -> bool {
         let mut live = self.clique_votes();

@@ -140,10 +140,7 @@ impl Stage {
             return Some(EpochReason::MembersAhead(ahead));
         }
         if !stuck.is_empty() {
-            let least = context.parameters.stuck * 2;
-            for &module in &stuck {
-                context.peers.fail_channel(module, context.now, least);
-            }
+            context.leave_out(&stuck);
             return Some(EpochReason::Stuck(stuck));
         }
         let has_mismatch = self.held_plan().is_some_and(|held| held.has_mismatch);

@@ -211,6 +211,18 @@ impl Context {
         self.now >= due
     }
 
+    /// Leaves out members without progress for a while. Where they are needed for a quorum, the next epoch calls them again.
+    /// Enforces M6.
+    pub fn leave_out(&mut self, stuck: &[ModuleId]) {
+        if !self.has_quorum_without(stuck) {
+            return;
+        }
+        let (now, least) = (self.now, self.parameters.stuck * 2);
+        for &module in stuck {
+            self.peers.fail_channel(module, now, least);
+        }
+    }
+
     /// No clique leaves out members any more.
     pub fn forget_replacing(&mut self) {
         self.reception.replacing = None;

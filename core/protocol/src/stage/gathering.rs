@@ -222,12 +222,14 @@ impl Gathering {
         let live = context.peers.live(context.liveness());
         let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
         let ahead: Vec<ModuleId> = ahead.map(|(module, _)| module).collect();
-        if ahead.is_empty() || context.is_led(Some(self.epoch)) {
+        let own = context.module();
+        let is_left_out = context.clique().binary_search(&own).is_err();
+        if ahead.is_empty() || is_left_out || context.is_led(Some(self.epoch)) {
             context.pacing.clear_reason();
             return Transition::Stay(Stage::Gathering(self));
         }
-        // The call of one that is ahead may be on its way, or it gathers.
-        let due = context.pacing.due(context.now, context.parameters.stuck);
+        // The call of one that is ahead may be on its way.
+        let due = context.pacing.due(context.now, context.parameters.convene);
         if context.now < due {
             context.wake_at(due);
             return Transition::Stay(Stage::Gathering(self));
