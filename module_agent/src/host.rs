@@ -530,7 +530,7 @@ impl Host {
                 self.modules[index].state_is_new = true;
             }
             Message::Heartbeat(heartbeat) => {
-                self.modules[index].heartbeat = Some(heartbeat.clone())
+                self.modules[index].heartbeat = Some(heartbeat.clone());
             }
             Message::Roster(roster) => self.outgoing.push(Outgoing::Roster(roster.clone())),
             Message::Claim(claim) => self.outgoing.push(Outgoing::Claim(Arc::clone(claim))),

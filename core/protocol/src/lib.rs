@@ -458,6 +458,8 @@ impl Agent {
     /// Enforces H2, Q4.
     fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
         let run = heartbeat.module.run(heartbeat.incarnation);
+        let (epoch, stop, holds_plan) =
+            (heartbeat.epoch, heartbeat.stop, heartbeat.digest.is_some());
         if run.module == self.module() {
             self.handle_duplicate(run.incarnation);
             return true;
@@ -471,9 +473,7 @@ impl Agent {
             return true;
         }
         let liveness = context.liveness();
-        let news = context
-            .peers
-            .handle_heartbeat(liveness, heartbeat.clone(), source);
+        let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
         let is_compared = matches!(news, Ok(_) | Err(Refusal::DuplicateModule));
         let is_clock_in_doubt = is_compared && self.doubt_clock(run.module);
         let context = &mut self.context;
@@ -482,11 +482,10 @@ impl Agent {
             Ok(HeartbeatNews::StillLive { age }) => {
                 context.note_heard(run);
                 // What was too far ahead of this clock may be near enough by now.
-                if let Some(epoch) = heartbeat.epoch {
+                if let Some(epoch) = epoch {
                     context.note_epoch(epoch);
                 }
                 let is_late = age > context.parameters.lease;
-                let stop = heartbeat.stop;
                 let is_commanded = stop > context.stop && context.is_plausible(stop.revision);
                 if is_commanded {
                     self.handle_stop(stop);
@@ -494,10 +493,10 @@ impl Agent {
                 return is_late || is_commanded || is_clock_in_doubt;
             }
             Ok(HeartbeatNews::New) => {
-                self.handle_stop(heartbeat.stop);
-                self.context.note_run(run, heartbeat.digest.is_some());
+                self.handle_stop(stop);
+                self.context.note_run(run, holds_plan);
                 self.context.note_heard(run);
-                self.note_shown(&heartbeat);
+                self.note_shown(epoch, holds_plan);
                 // A state that was kept may have become its own.
                 self.handle_bodies_of(run.module);
                 self.handle_early_roster_of(run.module);
@@ -513,12 +512,12 @@ impl Agent {
     }
 
     /// Records the epoch that a heartbeat shows, and whether it shows a plan.
-    fn note_shown(&mut self, heartbeat: &Heartbeat) {
-        let Some(epoch) = heartbeat.epoch else {
+    fn note_shown(&mut self, epoch: Option<Epoch>, holds_plan: bool) {
+        let Some(epoch) = epoch else {
             return;
         };
         self.context.note_epoch(epoch);
-        self.context.session.has_seen_plan |= heartbeat.digest.is_some();
+        self.context.session.has_seen_plan |= holds_plan;
     }
 
     fn handle_claim(&mut self, source: Option<SourceId>, claim: Arc<SpotClaim>) {
