@@ -8,6 +8,7 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
+use fixedbitset::FixedBitSet;
 use formation_model::ModuleId;
 
 /// After this many branches no further ones are followed: the best set so far is at least as good as that which leaves out the module
@@ -26,7 +27,45 @@ pub(super) struct Candidate {
 
 /// How good a set is: whether it has a quorum, its voters, its active modules, and those that it leaves out, of which the highest are
 /// to be left out first.
-type Value = (bool, usize, usize, Reverse<usize>, Vec<ModuleId>);
+type Value = (bool, Count, Reverse<usize>, Vec<ModuleId>);
+
+/// Voters, then active modules.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Count {
+    voters: usize,
+    active: usize,
+}
+
+impl Count {
+    fn of(candidate: Candidate) -> Self {
+        Self {
+            voters: usize::from(candidate.votes),
+            active: usize::from(candidate.is_active),
+        }
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            voters: self.voters + other.voters,
+            active: self.active + other.active,
+        }
+    }
+
+    fn minus(self, other: Self) -> Self {
+        Self {
+            voters: self.voters - other.voters,
+            active: self.active - other.active,
+        }
+    }
+
+    /// At least so many are lost with one of the two.
+    fn least(self, other: Self) -> Self {
+        Self {
+            voters: self.voters.min(other.voters),
+            active: self.active.min(other.active),
+        }
+    }
+}
 
 /// The best set of some candidates, in ascending order, that holds none of the missed pairs.
 ///
@@ -43,187 +82,177 @@ pub(super) fn best(
     let candidates: Vec<Candidate> = candidates
         .filter(|candidate| !alone.contains(&candidate.module))
         .collect();
-    let is_candidate = |module: ModuleId| {
-        let find = candidates.binary_search_by_key(&module, |candidate| candidate.module);
-        find.is_ok()
-    };
-    let mut neighbours: BTreeMap<ModuleId, BTreeSet<ModuleId>> = BTreeMap::new();
-    for &(one, other) in missed {
-        if !is_candidate(one) || !is_candidate(other) {
-            continue;
-        }
-        neighbours.entry(one).or_default().insert(other);
-        neighbours.entry(other).or_default().insert(one);
-    }
-    // Modules that miss the same ones, such as those of one process, are in or out together. The lowest stands for them.
-    let mut alike: BTreeMap<&BTreeSet<ModuleId>, Vec<ModuleId>> = BTreeMap::new();
-    for (&module, others) in &neighbours {
-        alike.entry(others).or_default().push(module);
-    }
-    let alike = alike
-        .into_values()
-        .filter_map(|modules| Some((*modules.first()?, modules)));
-    let alike: BTreeMap<ModuleId, Vec<ModuleId>> = alike.collect();
-    let lowest = alike.iter().map(|(&lowest, _)| {
-        let others = neighbours.get(&lowest).into_iter().flatten().copied();
-        (
-            lowest,
-            others.filter(|other| alike.contains_key(other)).collect(),
-        )
-    });
-    let remaining: BTreeMap<ModuleId, BTreeSet<ModuleId>> = lowest.collect();
+    let nodes = nodes_of(&candidates, missed);
+    let mut left = FixedBitSet::with_capacity(nodes.len());
+    left.insert_range(..);
+    let all = candidates.iter().copied().map(Count::of);
+    let all = all.fold(Count::default(), Count::plus);
     let mut search = Search {
         candidates: &candidates,
-        alike: &alike,
+        nodes: &nodes,
         has_quorum,
         branches: 0,
         best: None,
     };
-    search.branch(&remaining, &mut BTreeSet::new());
+    search.branch(&left, all);
     search.best.map(|(_, members)| members).unwrap_or_default()
+}
+
+/// Modules that miss the same ones, such as those of one process: they are in or out together.
+#[derive(Clone)]
+struct Node {
+    /// In ascending order.
+    modules: Vec<ModuleId>,
+    count: Count,
+    /// The nodes with which it is paired.
+    others: FixedBitSet,
+}
+
+/// The nodes of the candidates in missed pairs, in the order of their lowest modules.
+fn nodes_of(candidates: &[Candidate], missed: &[(ModuleId, ModuleId)]) -> Vec<Node> {
+    let position = |module: ModuleId| {
+        let find = candidates.binary_search_by_key(&module, |candidate| candidate.module);
+        find.ok()
+    };
+    let mut neighbours: BTreeMap<usize, FixedBitSet> = BTreeMap::new();
+    for &(one, other) in missed {
+        if let (Some(one), Some(other)) = (position(one), position(other)) {
+            for (one, other) in [(one, other), (other, one)] {
+                let others = neighbours.entry(one);
+                let others = others.or_insert_with(|| FixedBitSet::with_capacity(candidates.len()));
+                others.insert(other);
+            }
+        }
+    }
+    let mut node_of: BTreeMap<&FixedBitSet, usize> = BTreeMap::new();
+    let mut node_at: BTreeMap<usize, usize> = BTreeMap::new();
+    for (&position, others) in &neighbours {
+        let next = node_of.len();
+        node_at.insert(position, *node_of.entry(others).or_insert(next));
+    }
+    let empty = Node {
+        modules: Vec::new(),
+        count: Count::default(),
+        others: FixedBitSet::with_capacity(node_of.len()),
+    };
+    let mut nodes = vec![empty; node_of.len()];
+    for (position, &node) in &node_at {
+        let node = &mut nodes[node];
+        let candidate = candidates[*position];
+        node.modules.push(candidate.module);
+        node.count = node.count.plus(Count::of(candidate));
+        if let ([_], Some(others)) = (&*node.modules, neighbours.get(position)) {
+            node.others
+                .extend(others.ones().map(|other| node_at[&other]));
+        }
+    }
+    nodes
 }
 
 struct Search<'a, F> {
     candidates: &'a [Candidate],
-    /// The modules for which each stands that is branched on.
-    alike: &'a BTreeMap<ModuleId, Vec<ModuleId>>,
+    nodes: &'a [Node],
     has_quorum: F,
     branches: u32,
     best: Option<(Value, Vec<ModuleId>)>,
 }
 
 impl<F: Fn(&[ModuleId]) -> bool> Search<'_, F> {
-    /// Tries all sets without `out`, in which these pairs remain.
-    fn branch(
-        &mut self,
-        remaining: &BTreeMap<ModuleId, BTreeSet<ModuleId>>,
-        out: &mut BTreeSet<ModuleId>,
-    ) {
+    /// Tries all sets of these nodes, which have so many with all that are in no pair.
+    fn branch(&mut self, left: &FixedBitSet, count: Count) {
         self.branches += 1;
-        if !self.may_be_better(out) {
+        let lost = self.pairs_apart(left).map(|(one, other)| {
+            let [one, other] = [one, other].map(|node| self.nodes[node].count);
+            one.least(other)
+        });
+        if !self.may_be_best(count.minus(lost.fold(Count::default(), Count::plus))) {
             return;
         }
-        let size = |module: &ModuleId| self.alike[module].len();
-        let missed = |others: &BTreeSet<ModuleId>| others.iter().map(size).sum::<usize>();
-        let worst = remaining
-            .iter()
-            .max_by_key(|(module, others)| (others.len(), missed(others), **module));
-        let Some((&worst, others)) = worst.filter(|(_, others)| others.len() > 1) else {
-            return self.finish(remaining, out);
+        let worst = left.ones().map(|node| {
+            let others = &self.nodes[node].others;
+            let sizes = others
+                .intersection(left)
+                .map(|other| self.nodes[other].modules.len());
+            (others.intersection_count(left), sizes.sum::<usize>(), node)
+        });
+        let Some((.., worst)) = worst.max().filter(|&(others, ..)| others > 1) else {
+            return self.finish(left, count);
         };
-        let without = BTreeSet::from([worst]);
-        for left_out in [&without, others] {
+        let mut without = FixedBitSet::with_capacity(self.nodes.len());
+        without.insert(worst);
+        for out in [&without, &self.nodes[worst].others] {
             if self.best.is_some() && self.branches >= BRANCHES_MAX {
                 return;
             }
-            let added: Vec<ModuleId> = left_out.difference(out).copied().collect();
-            out.extend(&added);
-            self.branch(&without_modules(remaining, left_out), out);
-            for module in added {
-                out.remove(&module);
-            }
+            let lost = out
+                .intersection(left)
+                .map(|node| self.nodes[node].count)
+                .fold(Count::default(), Count::plus);
+            let mut left = left.clone();
+            left.difference_with(out);
+            self.branch(&left, count.minus(lost));
         }
     }
 
+    /// Pairs of these nodes that have no node in common; as many as are found by taking one after the other.
+    fn pairs_apart(&self, left: &FixedBitSet) -> impl Iterator<Item = (usize, usize)> {
+        let mut free = left.clone();
+        left.ones().filter_map(move |node| {
+            if !free.contains(node) {
+                return None;
+            }
+            free.remove(node);
+            let other = self.nodes[node].others.intersection(&free).next()?;
+            free.remove(other);
+            Some((node, other))
+        })
+    }
+
     /// Leaves out one end of each pair, of pairs that have no end in common.
-    fn finish(
-        &mut self,
-        remaining: &BTreeMap<ModuleId, BTreeSet<ModuleId>>,
-        out: &mut BTreeSet<ModuleId>,
-    ) {
-        let pairs = remaining.iter();
-        let pairs = pairs.flat_map(|(&one, others)| others.iter().map(move |&other| (one, other)));
-        let worse = pairs
-            .filter(|(one, other)| one < other)
+    fn finish(&mut self, left: &FixedBitSet, count: Count) {
+        let worse: Vec<usize> = self
+            .pairs_apart(left)
             .map(|(one, other)| {
-                let value = |module| count(&self.like(module));
                 // Of equal ones the higher.
-                if value(one) < value(other) {
+                if self.nodes[one].count < self.nodes[other].count {
                     one
                 } else {
                     other
                 }
-            });
-        let added: Vec<ModuleId> = worse.collect();
-        out.extend(&added);
-        self.note(out);
-        for module in added {
-            out.remove(&module);
+            })
+            .collect();
+        let (mut left, mut count) = (left.clone(), count);
+        for node in worse {
+            left.remove(node);
+            count = count.minus(self.nodes[node].count);
         }
+        self.note(&left, count);
     }
 
-    /// The candidates that are like one.
-    fn like(&self, lowest: ModuleId) -> Vec<Candidate> {
-        let alike = &self.alike[&lowest];
-        let candidates = self.candidates.iter().copied();
-        candidates
-            .filter(|candidate| alike.binary_search(&candidate.module).is_ok())
-            .collect()
+    /// Whether a set with so many, or with fewer, may be the best.
+    fn may_be_best(&self, count: Count) -> bool {
+        let best = self.best.as_ref();
+        best.is_none_or(|((has_quorum, best, ..), _)| !has_quorum || count >= *best)
     }
 
-    /// Whether a set without these, and maybe without others, may be better than the best.
-    fn may_be_better(&self, out: &BTreeSet<ModuleId>) -> bool {
-        let Some(((best_has_quorum, best_voters, best_active, ..), _)) = self.best else {
-            return true;
-        };
-        let (voters, active) = count(&self.left_without(out));
-        !best_has_quorum || (voters, active) >= (best_voters, best_active)
-    }
-
-    /// The candidates that are left without these and all that are like them.
-    fn left_without(&self, out: &BTreeSet<ModuleId>) -> Vec<Candidate> {
-        let out: BTreeSet<ModuleId> = self.modules(out).collect();
-        let left = self.candidates.iter().copied();
-        left.filter(|candidate| !out.contains(&candidate.module))
-            .collect()
-    }
-
-    fn modules<'a>(&'a self, out: &'a BTreeSet<ModuleId>) -> impl Iterator<Item = ModuleId> + 'a {
-        out.iter().flat_map(|lowest| &self.alike[lowest]).copied()
-    }
-
-    /// Takes the set without these for the best, if it is.
-    fn note(&mut self, out: &BTreeSet<ModuleId>) {
-        let left = self.left_without(out);
-        let members: Vec<ModuleId> = left.iter().map(|candidate| candidate.module).collect();
-        let (voters, active) = count(&left);
-        let mut left_out: Vec<ModuleId> = self.modules(out).collect();
-        left_out.sort_unstable_by_key(|&module| Reverse(module));
-        let has_quorum = (self.has_quorum)(&members);
-        let value = (
-            has_quorum,
-            voters,
-            active,
-            Reverse(left_out.len()),
-            left_out,
-        );
+    /// Takes the set of these nodes, and all that are in no pair, for the best, if it is.
+    fn note(&mut self, left: &FixedBitSet, count: Count) {
+        if !self.may_be_best(count) {
+            return;
+        }
+        let out = left.zeroes().flat_map(|node| &self.nodes[node].modules);
+        let mut out: Vec<ModuleId> = out.copied().collect();
+        out.sort_unstable();
+        let members = self.candidates.iter().map(|candidate| candidate.module);
+        let members: Vec<ModuleId> = members
+            .filter(|module| out.binary_search(module).is_err())
+            .collect();
+        out.reverse();
+        let value = ((self.has_quorum)(&members), count, Reverse(out.len()), out);
         if self.best.as_ref().is_none_or(|(best, _)| *best < value) {
             self.best = Some((value, members));
         }
     }
-}
-
-/// The voters and the active modules among some.
-fn count(candidates: &[Candidate]) -> (usize, usize) {
-    let voters = candidates.iter().filter(|candidate| candidate.votes);
-    let active = candidates.iter().filter(|candidate| candidate.is_active);
-    (voters.count(), active.count())
-}
-
-/// The pairs that remain without some modules.
-fn without_modules(
-    neighbours: &BTreeMap<ModuleId, BTreeSet<ModuleId>>,
-    out: &BTreeSet<ModuleId>,
-) -> BTreeMap<ModuleId, BTreeSet<ModuleId>> {
-    let left = neighbours
-        .iter()
-        .filter(|(module, _)| !out.contains(module));
-    let left = left.map(|(&module, others)| {
-        let others = others.difference(out).copied().collect();
-        (module, others)
-    });
-    left.filter(|(_, others): &(ModuleId, BTreeSet<ModuleId>)| !others.is_empty())
-        .collect()
 }
 
 #[cfg(test)]

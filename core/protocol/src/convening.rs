@@ -88,11 +88,13 @@ fn has_no_epoch(module: ModuleId, context: &Context) -> bool {
 fn bodies_gone(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
     let was_removed = |body: &BodyReport| body.whereabouts == Whereabouts::Removed;
     let listed = roster.bodies.iter().filter(|body| !was_removed(body));
-    let mut is_gone = |module: ModuleId| {
+    let clique = context.clique();
+    let is_gone = |module: ModuleId| {
         let takes_part = context.peers.is_live(context.liveness(), module)
             && stands(module, context)
             && hears(module, roster.epoch, context)
-            && context.is_wanted(module);
+            && !context.is_outdated(module)
+            && clique.binary_search(&module).is_ok();
         takes_part || context.is_removable(module)
     };
     let gone = listed.filter(|body| is_gone(body.module));
@@ -171,14 +173,13 @@ impl Stage {
         if is_calm {
             return None;
         }
-        let newcomers = wanted_newcomers(roster, context);
-        if newcomers.is_empty() {
-            if !context.may_replace_later() {
-                context.peers.note_calm(context.liveness(), judged);
+        match wanted_newcomers(roster, context) {
+            Ok(newcomers) => Some(EpochReason::Newcomers(newcomers)),
+            Err(due) => {
+                context.peers.note_calm(context.liveness(), judged, due);
+                None
             }
-            return None;
         }
-        Some(EpochReason::Newcomers(newcomers))
     }
 
     /// The members that keep the epoch from going on: considered failed, they are left out of the next one.
@@ -229,8 +230,8 @@ fn judge_members(
         let has_frozen = state.is_some_and(|state| state.epoch > Some(roster.epoch));
         has_frozen && is_in_charge(*run, context)
     };
-    let mut runs = others(roster, context).map(RosterMember::run);
-    if outside_since.is_none() && runs.any(|run| gone_on(&run)) {
+    let have_gone_on = (others(roster, context).map(RosterMember::run)).any(|run| gone_on(&run));
+    if outside_since.is_none() && have_gone_on {
         return Ok(());
     }
     if let Some(reason) = missing_members(roster, context) {
@@ -314,9 +315,10 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
 
 /// The members that another one does not receive.
 /// Enforces E3.
-fn not_received(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+fn not_received(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
     let is_member = |module| roster.member(module).is_some();
-    let pairs = context.missed_pairs().into_iter();
+    let pairs = context.missed_pairs();
+    let pairs = pairs.iter().copied();
     let pairs = pairs.filter(|&(one, other)| is_member(one) && is_member(other));
     let missed: BTreeSet<ModuleId> = pairs.map(|(_, missed)| missed).collect();
     missed.into_iter().collect()
@@ -339,19 +341,21 @@ fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
 }
 
 /// The modules of the best clique that the roster does not list as active and that are so now, if more spots can be filled with them, and
-/// without those that the clique leaves out.
+/// without those that the clique leaves out. If there are none, the time after which there may be some although no peer has changed.
 /// Enforces E7.
-fn wanted_newcomers(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
+fn wanted_newcomers(
+    roster: &Roster,
+    context: &mut Context,
+) -> Result<Vec<ModuleId>, Option<Duration>> {
     let clique = context.clique();
     let planned = roster.members.iter();
     let planned = planned.filter(|member| member.service == Service::Active);
     let planned: BTreeSet<ModuleId> = planned.map(|member| member.module.id).collect();
     let in_clique: BTreeSet<ModuleId> = clique.iter().copied().collect();
     let newcomers = in_clique.difference(&planned).copied();
-    let newcomers: Vec<ModuleId> = newcomers
+    let (newcomers, not_yet): (Vec<ModuleId>, Vec<ModuleId>) = newcomers
         .filter(|&module| context.is_active(module) && !context.is_outdated(module))
-        .filter(|&module| stands(module, context) && hears(module, roster.epoch, context))
-        .collect();
+        .partition(|&module| stands(module, context) && hears(module, roster.epoch, context));
     let left_out = planned.difference(&in_clique).count();
     let fills_more =
         newcomers.len() > left_out && context.could_fill_more(roster, &clique, &newcomers);
@@ -359,7 +363,12 @@ fn wanted_newcomers(roster: &Roster, context: &mut Context) -> Vec<ModuleId> {
         context.forget_replacing();
     }
     let may_replace = fills_more && (left_out == 0 || context.may_replace(clique));
-    if may_replace { newcomers } else { Vec::new() }
+    if may_replace {
+        return Ok(newcomers);
+    }
+    // When a module stops or comes to know the voters counts as no change of a peer.
+    let look_again = (!not_yet.is_empty()).then(|| context.now + context.parameters.heartbeat);
+    Err(look_again.into_iter().chain(context.replaces_at()).min())
 }
 
 fn waits_for_quorum(module: ModuleId, context: &Context) -> bool {

@@ -62,6 +62,12 @@ impl Peer {
         heartbeat.is_some_and(|heartbeat| heartbeat.knows)
     }
 
+    /// Whether its latest heartbeat lists all that it misses: it has listened, and knows who votes.
+    pub fn tells_misses(&self, suspicion: Duration) -> bool {
+        let heartbeat = self.heartbeat.as_ref();
+        heartbeat.is_some_and(|heartbeat| heartbeat.uptime > suspicion) && self.knows_voters()
+    }
+
     /// Whether its latest heartbeat says that it knows who votes.
     pub fn knows_voters(&self) -> bool {
         let heartbeat = self.heartbeat.as_ref();

@@ -152,7 +152,8 @@ impl Peers {
         self.shown
     }
 
-    /// Changes whenever a peer becomes known, restarts, or shows another epoch, digest or service; time changes only ages.
+    /// Changes whenever a peer becomes known, restarts, or shows another epoch, digest or service, or that it misses or knows others;
+    /// time changes only ages.
     pub fn version(&self) -> (u64, ShownChanges) {
         (self.changes, self.shown)
     }
@@ -322,7 +323,12 @@ impl Peers {
         let is_new = differ(|one, other| {
             (one.phase, one.steps_done, one.stop) != (other.phase, other.steps_done, other.stop)
         });
-        let changes = !was_live || misses_others || differ(|one, other| one.epoch != other.epoch);
+        let is_of_note = differ(|one, other| {
+            (one.epoch, one.knows, one.voters) != (other.epoch, other.knows, other.voters)
+        });
+        let told_misses = known.is_some_and(|known| known.uptime > liveness.suspicion);
+        let tells_misses = heartbeat.uptime > liveness.suspicion;
+        let changes = !was_live || misses_others || is_of_note || told_misses != tells_misses;
         peer.note_heartbeat(heartbeat, sent_at);
         self.changes += u64::from(changes);
         if shows_other {
@@ -459,8 +465,8 @@ impl Peers {
         })
     }
 
-    /// No peer gives a reason for an epoch.
-    pub fn note_calm(&mut self, liveness: Liveness, judged: Judged) {
+    /// When the first peer falls silent or comes up again, if none changes.
+    pub fn unchanged_until(&self, liveness: Liveness) -> Duration {
         let times = self.peers.values().flat_map(|peer| {
             let age = peer
                 .age(liveness.now)
@@ -469,10 +475,16 @@ impl Peers {
             let up_at = Some(peer.channel.down_until()).filter(|&at| at > liveness.now);
             silent_at.into_iter().chain(up_at)
         });
+        times.min().unwrap_or(Duration::MAX)
+    }
+
+    /// No peer gives a reason for an epoch, until one changes or a time has come.
+    pub fn note_calm(&mut self, liveness: Liveness, judged: Judged, due: Option<Duration>) {
+        let until = self.unchanged_until(liveness);
         self.calm = Some(Calm {
             judged,
             changes: self.changes,
-            until: times.min().unwrap_or(Duration::MAX),
+            until: due.map_or(until, |due| until.min(due)),
         });
     }
 

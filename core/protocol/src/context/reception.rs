@@ -20,19 +20,45 @@ const FOUND_MAX: usize = 2;
 pub(crate) struct Reception {
     /// The modules that were last listed as not received.
     misses: Arc<[ModuleId]>,
-    /// The live modules that another one misses, and the changes to peers until that was found.
-    missed: (u64, BTreeSet<ModuleId>),
+    /// The live modules that another one misses.
+    missed: BTreeSet<ModuleId>,
+    /// Who misses whom, as it was last found.
+    links: Option<Links>,
     /// The cliques that were last found while there were missed pairs, each with what it was found in.
-    found: VecDeque<(Sight, Vec<ModuleId>)>,
+    found: VecDeque<(Sight, Arc<[ModuleId]>)>,
     /// A clique that leaves out members of the roster in force, and since when it has been the best.
-    replacing: Option<(Vec<ModuleId>, Duration)>,
+    replacing: Option<(Arc<[ModuleId]>, Duration)>,
+    /// Whether newcomers could fill more spots, as it was last found, and what that was found from.
+    filling: Option<(Filling, bool)>,
 }
 
 impl Hash for Reception {
     /// What was found follows from the rest of the context.
     fn hash<H: Hasher>(&self, state: &mut H) {
-        (&self.missed.1, &self.replacing).hash(state);
+        (&self.missed, &self.replacing).hash(state);
     }
+}
+
+/// Who misses whom among the live modules, and the best clique of them. It holds until a peer changes, or a time has come.
+#[derive(Clone, Debug)]
+struct Links {
+    /// The number of changes to the peers until then.
+    changes: u64,
+    until: Duration,
+    missed: Arc<[(ModuleId, ModuleId)]>,
+    /// The best clique, once it is asked for.
+    clique: Option<(QuorumRule, Arc<[ModuleId]>)>,
+}
+
+/// What depends on it, apart from those present, whether there is a quorum and who is active.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct QuorumRule {
+    target: Option<u64>,
+    voters: u64,
+    votes_removed: (usize, usize),
+    votes_due: Vec<ModuleId>,
+    knows: bool,
+    service: Service,
 }
 
 /// What a clique depends on.
@@ -41,9 +67,17 @@ struct Sight {
     candidates: Vec<Candidate>,
     missed: Vec<(ModuleId, ModuleId)>,
     votes: Vec<(ModuleId, bool)>,
-    voters: u64,
-    votes_removed: (usize, usize),
-    votes_due: Vec<ModuleId>,
+    quorum: QuorumRule,
+}
+
+/// What depends on it whether newcomers could fill more spots: the epoch and the version of the known bodies, the clique and the
+/// newcomers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Filling {
+    epoch: Epoch,
+    bodies: u64,
+    clique: Vec<ModuleId>,
+    newcomers: Vec<ModuleId>,
 }
 
 impl Context {
@@ -86,10 +120,8 @@ impl Context {
             if missed_by_all.is_empty() {
                 break;
             }
-            let uptime = peer.heartbeat.as_ref().map(|heartbeat| heartbeat.uptime);
-            let tells = uptime > Some(liveness.suspicion) && peer.knows_voters();
             // Most modules miss the same ones.
-            if tells && last != Some(peer.misses()) {
+            if peer.tells_misses(liveness.suspicion) && last != Some(peer.misses()) {
                 missed_by_all.retain(|voter| peer.misses().binary_search(voter).is_ok());
                 last = Some(peer.misses());
             }
@@ -104,27 +136,70 @@ impl Context {
     }
 
     /// The pairs of this module and all live ones of which the first does not receive the second.
-    pub fn missed_pairs(&self) -> Vec<(ModuleId, ModuleId)> {
-        self.peers.missed_pairs(self.liveness(), self.module())
+    pub fn missed_pairs(&mut self) -> Arc<[(ModuleId, ModuleId)]> {
+        Arc::clone(&self.links().missed)
+    }
+
+    /// The best clique of this module, all live ones, and voters that live ones receive; in ascending order.
+    /// Enforces E4.
+    pub fn clique(&mut self) -> Arc<[ModuleId]> {
+        let quorum = self.quorum_rule();
+        let Links { missed, clique, .. } = self.links();
+        if let Some((known, clique)) = clique
+            && *known == quorum
+        {
+            return Arc::clone(clique);
+        }
+        let missed = missed.to_vec();
+        let clique = self.find_clique(missed);
+        self.links().clique = Some((quorum, Arc::clone(&clique)));
+        clique
+    }
+
+    fn links(&mut self) -> &mut Links {
+        let (changes, _) = self.peers.version();
+        let now = self.now;
+        let links = self.reception.links.take();
+        let links = links.filter(|links| links.changes == changes && now < links.until);
+        let links = links.unwrap_or_else(|| {
+            let liveness = self.liveness();
+            Links {
+                changes,
+                until: self.peers.unchanged_until(liveness),
+                missed: self.peers.missed_pairs(liveness, self.module()).into(),
+                clique: None,
+            }
+        });
+        self.reception.links.insert(links)
+    }
+
+    fn quorum_rule(&self) -> QuorumRule {
+        QuorumRule {
+            target: self.target.revision(),
+            voters: self.session.voters_digest(),
+            votes_removed: self.session.votes_removed(),
+            votes_due: self.removals.due_votes().collect(),
+            knows: self.session.knows(),
+            service: self.robot.service,
+        }
     }
 
     /// Finds which live modules another one misses; returns whether they changed.
     /// Enforces B3.
     pub fn refresh_missed(&mut self) -> bool {
-        let (version, _) = self.peers.version();
-        if self.reception.missed.0 == version {
+        let missed = self.missed_pairs();
+        if missed.is_empty() && self.reception.missed.is_empty() {
             return false;
         }
-        let missed = self.missed_pairs().into_iter().map(|(_, missed)| missed);
-        let missed: BTreeSet<ModuleId> = missed.collect();
-        let changes = self.reception.missed.1 != missed;
-        self.reception.missed = (version, missed);
+        let missed: BTreeSet<ModuleId> = missed.iter().map(|&(_, missed)| missed).collect();
+        let changes = self.reception.missed != missed;
+        self.reception.missed = missed;
         changes
     }
 
     /// Whether another module misses a live one.
     pub fn is_missed(&self, module: ModuleId) -> bool {
-        self.reception.missed.1.contains(&module)
+        self.reception.missed.contains(&module)
     }
 
     /// Whether a live module holds a plan in a later epoch than this one. Its members judge who is missing, and who is wanted.
@@ -144,13 +219,10 @@ impl Context {
         })
     }
 
-    /// The best clique of this module, all live ones, and voters that live ones receive; in ascending order.
-    /// Enforces E4.
-    pub fn clique(&mut self) -> Vec<ModuleId> {
-        let mut missed = self.missed_pairs();
+    fn find_clique(&mut self, mut missed: Vec<(ModuleId, ModuleId)>) -> Arc<[ModuleId]> {
         let elsewhere = self.received_by_others();
         if missed.is_empty() && elsewhere.is_empty() {
-            return self.live_modules();
+            return self.live_modules().into();
         }
         let own = self.module();
         missed.extend(elsewhere.iter().map(|&module| (own, module)));
@@ -164,8 +236,13 @@ impl Context {
     pub fn clique_of(
         &mut self,
         votes: Vec<(ModuleId, bool)>,
-        missed: Vec<(ModuleId, ModuleId)>,
-    ) -> Vec<ModuleId> {
+        mut missed: Vec<(ModuleId, ModuleId)>,
+    ) -> Arc<[ModuleId]> {
+        // It is all the same which of the two misses the other.
+        let pairs = missed.iter_mut();
+        pairs.for_each(|pair| *pair = (pair.0.min(pair.1), pair.0.max(pair.1)));
+        missed.sort_unstable();
+        missed.dedup();
         let voters = self.session.voters();
         let candidates = votes.iter().map(|&(module, _)| Candidate {
             module,
@@ -177,14 +254,12 @@ impl Context {
         let sight = Sight {
             candidates: candidates.collect(),
             missed,
-            voters: self.session.voters_digest(),
-            votes_removed: self.session.votes_removed(),
-            votes_due: self.removals.due_votes().collect(),
             votes,
+            quorum: self.quorum_rule(),
         };
         let mut found = self.reception.found.iter();
         if let Some((_, clique)) = found.find(|(known, _)| *known == sight) {
-            return clique.clone();
+            return Arc::clone(clique);
         }
         let has_quorum = |members: &[ModuleId]| {
             let votes = sight.votes.iter().copied();
@@ -193,15 +268,17 @@ impl Context {
                 .collect();
             self.shortfall_of(&votes).is_none()
         };
-        let clique = cliques::best(&sight.candidates, &sight.missed, has_quorum);
-        self.reception.found.push_front((sight, clique.clone()));
-        self.reception.found.truncate(FOUND_MAX);
+        let clique: Arc<[ModuleId]> =
+            cliques::best(&sight.candidates, &sight.missed, has_quorum).into();
+        let found = &mut self.reception.found;
+        found.push_front((sight, Arc::clone(&clique)));
+        found.truncate(FOUND_MAX);
         clique
     }
 
     /// Whether a clique that leaves out members of the roster in force has been the best for long enough.
     /// Enforces E7.
-    pub fn may_replace(&mut self, clique: Vec<ModuleId>) -> bool {
+    pub fn may_replace(&mut self, clique: Arc<[ModuleId]>) -> bool {
         let replacing = self.reception.replacing.take();
         let replacing = replacing.filter(|(known, _)| *known == clique);
         let (clique, since) = replacing.unwrap_or((clique, self.now));
@@ -228,26 +305,47 @@ impl Context {
         self.reception.replacing = None;
     }
 
-    /// Whether a clique that leaves out members is yet to have been the best for long enough.
-    pub fn may_replace_later(&self) -> bool {
-        self.reception.replacing.is_some()
+    /// When a clique that leaves out members will have been the best for long enough, if one is.
+    pub fn replaces_at(&self) -> Option<Duration> {
+        let (_, since) = self.reception.replacing.as_ref()?;
+        Some(*since + self.parameters.stuck)
     }
 
     /// Whether the modules of a clique could fill more spots than the members of a roster, now that they can move. Of these newcomers
     /// there are more than members that it leaves out.
     pub fn could_fill_more(
-        &self,
+        &mut self,
         roster: &Roster,
         clique: &[ModuleId],
         newcomers: &[ModuleId],
     ) -> bool {
+        if newcomers.is_empty() {
+            return false;
+        }
+        let filling = Filling {
+            epoch: roster.epoch,
+            bodies: self.bodies.version(),
+            clique: clique.to_vec(),
+            newcomers: newcomers.to_vec(),
+        };
+        if let Some((known, fills_more)) = &self.reception.filling
+            && *known == filling
+        {
+            return *fills_more;
+        }
+        let fills_more = self.fills_more(roster, clique, newcomers);
+        self.reception.filling = Some((filling, fills_more));
+        fills_more
+    }
+
+    fn fills_more(&self, roster: &Roster, clique: &[ModuleId], newcomers: &[ModuleId]) -> bool {
         let Some(target) = &roster.target.target else {
             return false;
         };
         let filled = roster
             .open_part_by(&roster.bodies)
             .map_or(0, |part| part.room);
-        if newcomers.is_empty() || filled >= target.spots().len() {
+        if filled >= target.spots().len() {
             return false;
         }
         let stays = |member: &&RosterMember| clique.binary_search(&member.module.id).is_ok();

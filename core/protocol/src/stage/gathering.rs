@@ -177,8 +177,7 @@ impl Gathering {
         if is_over {
             return Some(EpochReason::ConvenerSilent(convener));
         }
-        let is_received =
-            context.missed_pairs().is_empty() || context.clique().binary_search(&convener).is_ok();
+        let is_received = context.clique().binary_search(&convener).is_ok();
         (!is_received).then(|| EpochReason::NotReceived(vec![convener]))
     }
 
@@ -389,7 +388,7 @@ fn receiving_each_other(
     context: &mut Context,
 ) -> Vec<Arc<ModuleState>> {
     let own = context.module();
-    let mut missed = context.missed_pairs();
+    let mut missed = context.missed_pairs().to_vec();
     if missed.is_empty() {
         return frozen;
     }
