@@ -9,3 +9,4 @@
 
 mod duplicate_module;
 mod removals;
+mod stuck;
