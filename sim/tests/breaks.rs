@@ -183,10 +183,10 @@ fn an_outsider_of_an_epoch_that_is_over_waits_with_the_members() {
     assert_eq!(violations(FaultKind::Churn, 4, 11_675), [""; 0]);
 }
 
-/// The members have excluded one that was stuck, and agree with it a little later.
+/// The channel from one that was stuck counts as failed, and its module shows the same plan a little later.
 /// Shows M6.
 #[test]
-fn an_exclusion_ends_when_its_module_agrees() {
+fn a_failed_channel_is_up_again_when_its_module_agrees() {
     assert_eq!(violations(FaultKind::Churn, 7, 2_307), [""; 0]);
 }
 

@@ -203,7 +203,7 @@ fn a_module_that_was_cut_off_takes_no_body_from_a_run_that_is_earlier_by_its_clo
     let until_it_is_admitted = Duration::from_secs(22);
     for runs in [&[LATE, 1_001][..], &[LATE, 1_002, 1_001]] {
         let mut moved = 0;
-        for seed in 0..18 {
+        for seed in 0..12 {
             let problem = drawn(6, 5, Grouping::Singletons, seed);
             let agents = with_runs(third, runs);
             let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);

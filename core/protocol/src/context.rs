@@ -216,6 +216,11 @@ impl Context {
         self.parameters.lease + self.parameters.heartbeat
     }
 
+    /// Whether this run of this module has listened for `suspicion`.
+    pub fn has_listened(&self) -> bool {
+        self.now >= self.own.started + self.parameters.suspicion
+    }
+
     /// Whether no run of this module can have shown a plan within the lease.
     /// Enforces A2.
     pub fn is_idle(&self) -> bool {

@@ -27,7 +27,6 @@ mod durable;
 mod event;
 mod io;
 mod known_target;
-
 mod member_bodies;
 mod motion;
 mod outbox;

@@ -508,7 +508,7 @@ impl Context {
         is_in_the_way: impl Fn(&BodyReport, &Self) -> bool,
     ) -> Option<EpochReason> {
         let comparison = self.compare_bodies(roster);
-        // A body that moved is that of a live module, which rosters may have left out for lack of an agreement.
+        // A body that moved is that of a live module, which a roster may have left out for those that it does not receive.
         let mut freed = comparison.freed;
         freed.retain(|freed| self.is_removable(freed.module) || self.is_wanted(freed.module));
         let freed: Vec<SpotId> = freed.iter().map(|freed| freed.spot).collect();

@@ -200,11 +200,6 @@ impl Context {
         peer.is_some_and(|peer| self.now <= peer.last_seen() + self.parameters.suspicion)
     }
 
-    /// Whether this run of this module has listened for `suspicion`.
-    pub fn has_listened(&self) -> bool {
-        self.now >= self.own.started + self.parameters.suspicion
-    }
-
     /// A heartbeat of this run came, also if it was refused for a later one: what was reported before it was sent is dropped, and so is a
     /// removal that has taken effect.
     /// Enforces B5.
