@@ -29,14 +29,14 @@ impl Channel {
     }
 
     /// Nothing came for longer than `suspicion`, and now something does. The first gap, such as after a cut, takes the channel down for no
-    /// longer.
+    /// longer, and later ones for less than a member without progress: the gap itself has kept it out.
     /// Enforces M6.
     pub fn note_gap(&mut self, last_seen: Duration, now: Duration, suspicion: Duration) {
         if self.failures == 0 || self.has_mended(last_seen, suspicion) {
             (self.failures, self.down_until) = (1, now);
         } else {
             self.failures = self.failures.min(GAP_DOUBLINGS_MAX);
-            self.fail(now, suspicion);
+            self.fail(now, suspicion / 4);
         }
     }
 
@@ -92,8 +92,8 @@ mod tests {
         let second = Duration::from_secs(1);
         let mut channel = Channel::default();
         let mut now = second * 100;
-        for down in [0, 2, 4] {
-            channel.note_gap(now - second, now, second);
+        for down in [0, 2, 4, 4] {
+            channel.note_gap(now - second, now, second * 4);
             assert_eq!(channel.down_until(), now + second * down);
             now += second * 10;
         }

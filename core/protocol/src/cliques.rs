@@ -23,17 +23,20 @@ pub(super) struct Candidate {
     pub votes: bool,
     /// Whether it is known to take spots.
     pub is_active: bool,
+    /// Whether it shows that it holds a plan.
+    pub is_planned: bool,
 }
 
-/// How good a set is: whether it has a quorum, its voters, its active modules, and those that it leaves out, of which the highest are
-/// to be left out first.
+/// How good a set is: whether it has a quorum, how many it has, and those that it leaves out, of which the highest are to be left out
+/// first.
 type Value = (bool, Count, Reverse<usize>, Vec<ModuleId>);
 
-/// Voters, then active modules.
+/// Voters, then active modules, then modules that hold a plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 struct Count {
     voters: usize,
     active: usize,
+    planned: usize,
 }
 
 impl Count {
@@ -41,6 +44,7 @@ impl Count {
         Self {
             voters: usize::from(candidate.votes),
             active: usize::from(candidate.is_active),
+            planned: usize::from(candidate.is_planned),
         }
     }
 
@@ -48,6 +52,7 @@ impl Count {
         Self {
             voters: self.voters + other.voters,
             active: self.active + other.active,
+            planned: self.planned + other.planned,
         }
     }
 
@@ -55,6 +60,7 @@ impl Count {
         Self {
             voters: self.voters - other.voters,
             active: self.active - other.active,
+            planned: self.planned - other.planned,
         }
     }
 
@@ -63,14 +69,15 @@ impl Count {
         Self {
             voters: self.voters.min(other.voters),
             active: self.active.min(other.active),
+            planned: self.planned.min(other.planned),
         }
     }
 }
 
 /// The best set of some candidates, in ascending order, that holds none of the missed pairs.
 ///
-/// It has a quorum if any has one, then the most voters, then the most active modules, then the lowest identifiers. A module that is
-/// paired with itself is in none.
+/// It has a quorum if any has one, then the most voters, then the most active modules, then the most that hold a plan, then the
+/// lowest identifiers. A module that is paired with itself is in none.
 pub(super) fn best(
     candidates: &[Candidate],
     missed: &[(ModuleId, ModuleId)],
@@ -264,6 +271,7 @@ mod tests {
             module: ModuleId(id),
             votes: true,
             is_active: true,
+            is_planned: false,
         };
         (1..=count).map(one).collect()
     }
@@ -303,6 +311,16 @@ mod tests {
         assert_eq!(best_of(&five, &[(3, 4), (3, 5)], 2), [1, 2, 3]);
         five[2].is_active = false;
         assert_eq!(best_of(&five, &[(1, 4), (1, 5), (2, 3)], 2), [1, 2]);
+    }
+
+    /// Shows E4.
+    #[test]
+    fn of_equals_one_that_holds_no_plan_is_left_out() {
+        let mut five = candidates(5);
+        five[3].is_planned = true;
+        assert_eq!(best_of(&five, &[(2, 4)], 3), [1, 3, 4, 5]);
+        five[3].is_active = false;
+        assert_eq!(best_of(&five, &[(2, 4)], 3), [1, 2, 3, 5]);
     }
 
     /// Shows E4.

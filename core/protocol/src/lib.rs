@@ -492,6 +492,9 @@ impl Agent {
                 return is_late || is_commanded || is_clock_in_doubt;
             }
             Ok(HeartbeatNews::New) => {
+                if self.context.lists_as_missed(run.module) {
+                    self.hurry_heartbeat();
+                }
                 self.handle_stop(stop);
                 self.context.note_run(run, holds_plan);
                 self.context.note_heard(run);

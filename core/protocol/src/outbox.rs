@@ -62,6 +62,11 @@ impl HeartbeatLog {
         self.shown.is_some_and(shows)
     }
 
+    /// Whether a plan is shown.
+    pub fn show_plan(&self) -> bool {
+        self.shown.is_some_and(|shown| shown.digest.is_some())
+    }
+
     /// The sequence number of the first heartbeat that showed the digest of the latest; 0 without a digest.
     pub fn digest_since(&mut self, digest: Option<Digest>) -> u64 {
         let since = match (digest, self.digest_since) {

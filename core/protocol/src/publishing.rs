@@ -9,6 +9,9 @@ use super::Agent;
 use super::io::Output;
 use super::outbox::HeartbeatContent;
 
+/// After the return of a missed module the next heartbeat follows so many times sooner, together with what else returns until then.
+const RETURN_SPEEDUP: u32 = 4;
+
 /// The time since the last multiple of a period.
 fn into_period(now: Duration, period: Duration) -> Duration {
     let into = now.as_nanos().checked_rem(period.as_nanos());
@@ -53,17 +56,30 @@ impl Agent {
             return;
         }
         heartbeats.shown = Some(shown);
-        let period = self.context.parameters.heartbeat;
-        heartbeats.due = now + period;
-        if self.context.own.shares_samples {
-            heartbeats.due = heartbeats.due.saturating_sub(into_period(now, period));
-        }
         heartbeats.sequence += 1;
+        let due = self.after(self.context.parameters.heartbeat);
+        self.context.outbox.heartbeats.due = due;
         let heartbeat = self.heartbeat(shown);
         self.context.publish(Message::Heartbeat(heartbeat));
         if let Some(goal) = self.stage.repeated_goal(&self.context) {
             self.context.outbox.push(Output::Move(goal));
         }
+    }
+
+    /// The time after this span, with that of the other modules of its process.
+    fn after(&self, span: Duration) -> Duration {
+        let now = self.context.now;
+        let shared = self.context.own.shares_samples;
+        let into = shared.then(|| into_period(now, span)).unwrap_or_default();
+        (now + span).saturating_sub(into)
+    }
+
+    /// A module came that the latest heartbeat lists as missed: the others wait for the next one, which comes sooner.
+    /// Enforces C4.
+    pub(super) fn hurry_heartbeat(&mut self) {
+        let due = self.after(self.context.parameters.heartbeat / RETURN_SPEEDUP);
+        let heartbeats = &mut self.context.outbox.heartbeats;
+        heartbeats.due = heartbeats.due.min(due);
     }
 
     fn state(&mut self) -> ModuleState {

@@ -11,6 +11,7 @@ use formation_model::{
 
 use crate::cliques::{self, Candidate};
 use crate::context::Context;
+use crate::peers::ShownChanges;
 
 /// So many cliques are kept: that of all live modules, and that of those that have frozen.
 const FOUND_MAX: usize = 2;
@@ -42,23 +43,24 @@ impl Hash for Reception {
 /// Who misses whom among the live modules, and the best clique of them. It holds until a peer changes, or a time has come.
 #[derive(Clone, Debug)]
 struct Links {
-    /// The number of changes to the peers until then.
-    changes: u64,
+    /// The version of the peers.
+    peers: (u64, ShownChanges),
     until: Duration,
     missed: Arc<[(ModuleId, ModuleId)]>,
     /// The best clique, once it is asked for.
-    clique: Option<(QuorumRule, Arc<[ModuleId]>)>,
+    clique: Option<(Standing, Arc<[ModuleId]>)>,
 }
 
-/// What depends on it, apart from those present, whether there is a quorum and who is active.
+/// What the clique depends on apart from the peers: who votes, and what this module shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct QuorumRule {
+struct Standing {
     target: Option<u64>,
     voters: u64,
     votes_removed: (usize, usize),
     votes_due: Vec<ModuleId>,
     knows: bool,
     service: Service,
+    is_planned: bool,
 }
 
 /// What a clique depends on.
@@ -67,7 +69,7 @@ struct Sight {
     candidates: Vec<Candidate>,
     missed: Vec<(ModuleId, ModuleId)>,
     votes: Vec<(ModuleId, bool)>,
-    quorum: QuorumRule,
+    standing: Standing,
 }
 
 /// What depends on it whether newcomers could fill more spots: the epoch and the version of the known bodies, the clique and the
@@ -108,6 +110,11 @@ impl Context {
         Arc::clone(&self.reception.misses)
     }
 
+    /// Whether the latest heartbeat lists a module as missed.
+    pub fn lists_as_missed(&self, module: ModuleId) -> bool {
+        self.reception.misses.binary_search(&module).is_ok()
+    }
+
     /// The voters that live modules receive, and this one does not: those have listened, know who votes, and do not miss them.
     fn received_by_others(&self) -> Vec<ModuleId> {
         let liveness = self.liveness();
@@ -143,28 +150,27 @@ impl Context {
     /// The best clique of this module, all live ones, and voters that live ones receive; in ascending order.
     /// Enforces E4.
     pub fn clique(&mut self) -> Arc<[ModuleId]> {
-        let quorum = self.quorum_rule();
+        let standing = self.standing();
         let Links { missed, clique, .. } = self.links();
         if let Some((known, clique)) = clique
-            && *known == quorum
+            && *known == standing
         {
             return Arc::clone(clique);
         }
         let missed = missed.to_vec();
         let clique = self.find_clique(missed);
-        self.links().clique = Some((quorum, Arc::clone(&clique)));
+        self.links().clique = Some((standing, Arc::clone(&clique)));
         clique
     }
 
     fn links(&mut self) -> &mut Links {
-        let (changes, _) = self.peers.version();
-        let now = self.now;
+        let (now, peers) = (self.now, self.peers.version());
         let links = self.reception.links.take();
-        let links = links.filter(|links| links.changes == changes && now < links.until);
+        let links = links.filter(|links| links.peers == peers && now < links.until);
         let links = links.unwrap_or_else(|| {
             let liveness = self.liveness();
             Links {
-                changes,
+                peers,
                 until: self.peers.unchanged_until(liveness),
                 missed: self.peers.missed_pairs(liveness, self.module()).into(),
                 clique: None,
@@ -173,14 +179,24 @@ impl Context {
         self.reception.links.insert(links)
     }
 
-    fn quorum_rule(&self) -> QuorumRule {
-        QuorumRule {
+    /// Whether a module's latest heartbeat shows the digest of a plan.
+    fn shows_plan(&self, module: ModuleId) -> bool {
+        if module == self.module() {
+            return self.outbox.heartbeats.show_plan();
+        }
+        let heartbeat = self.peers.heartbeat(module);
+        heartbeat.is_some_and(|heartbeat| heartbeat.digest.is_some())
+    }
+
+    fn standing(&self) -> Standing {
+        Standing {
             target: self.target.revision(),
             voters: self.session.voters_digest(),
             votes_removed: self.session.votes_removed(),
             votes_due: self.removals.due_votes().collect(),
             knows: self.session.knows(),
             service: self.robot.service,
+            is_planned: self.shows_plan(self.module()),
         }
     }
 
@@ -250,12 +266,13 @@ impl Context {
             is_active: self
                 .service_of(module)
                 .is_none_or(|service| service == Service::Active),
+            is_planned: self.shows_plan(module),
         });
         let sight = Sight {
             candidates: candidates.collect(),
             missed,
             votes,
-            quorum: self.quorum_rule(),
+            standing: self.standing(),
         };
         let mut found = self.reception.found.iter();
         if let Some((_, clique)) = found.find(|(known, _)| *known == sight) {
