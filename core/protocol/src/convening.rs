@@ -366,7 +366,7 @@ fn wanted_newcomers(
     if may_replace {
         return Ok(newcomers);
     }
-    // When a module stops or comes to know the voters counts as no change of a peer.
+    // That a module has come to rest counts as no change of a peer.
     let look_again = (!not_yet.is_empty()).then(|| context.now + context.parameters.heartbeat);
     Err(look_again.into_iter().chain(context.replaces_at()).min())
 }
