@@ -69,9 +69,11 @@ impl Agent {
     /// The time after this span, with that of the other modules of its process.
     fn after(&self, span: Duration) -> Duration {
         let now = self.context.now;
-        let shared = self.context.own.shares_samples;
-        let into = shared.then(|| into_period(now, span)).unwrap_or_default();
-        (now + span).saturating_sub(into)
+        if self.context.own.shares_samples {
+            (now + span).saturating_sub(into_period(now, span))
+        } else {
+            now + span
+        }
     }
 
     /// A module came that the latest heartbeat lists as missed: the others wait for the next one, which comes sooner.
