@@ -137,6 +137,27 @@ fn a_plan_is_made_again_when_the_body_is_gone_for_which_it_was_refused() {
     assert_eq!(report.violations, []);
 }
 
+/// A module dies in the door between two rooms, where others find no path any more, and is back after a minute.
+/// Shows B4.
+#[test]
+fn modules_form_when_the_one_is_back_whose_body_closed_the_door() {
+    let text = include_str!("../../launch_scripts/scenarios/two_rooms.yaml");
+    let mut trial = Trial::new(&scenario(text), 3);
+    let dies = ModuleId(6);
+    trial.until(|cluster| {
+        let body = cluster.body(dies);
+        body.is_some_and(|body| (body.x.0 - 6_000_000).abs() < 300_000)
+    });
+    trial.cluster.crash(dies);
+    trial.run_for(Duration::from_secs(60));
+    let finds_no_path =
+        |event: &Event| matches!(event, Event::NotMoving(_) | Event::CannotReach(_));
+    assert!(trial.count(finds_no_path) > 0);
+    assert!(trial.settled().len() < 10);
+    trial.cluster.restart(dies);
+    trial.until(|cluster| settled(cluster).len() == 10);
+}
+
 /// Twelve modules for ten spots; 11 and 12 stand too close, so one of them stays and is named, and the others form.
 /// Shows X13.
 #[test]

@@ -36,7 +36,7 @@ impl Channel {
             (self.failures, self.down_until) = (1, now);
         } else {
             self.failures = self.failures.min(GAP_DOUBLINGS_MAX);
-            self.fail(now, suspicion / 4);
+            self.take_down(now, suspicion / 4);
         }
     }
 
@@ -47,14 +47,17 @@ impl Channel {
     /// Its module made no progress.
     /// Enforces M6.
     pub fn fail(&mut self, now: Duration, least: Duration) {
-        if !self.is_up(now) {
-            return;
-        }
-        if self.has_mended(now, least) {
+        if self.is_up(now) && self.has_mended(now, least) {
             self.failures = 0;
         }
-        self.down_until = now + least * (1 << self.failures);
-        self.failures = (self.failures + 1).min(DOUBLINGS_MAX);
+        self.take_down(now, least);
+    }
+
+    fn take_down(&mut self, now: Duration, least: Duration) {
+        if self.is_up(now) {
+            self.down_until = now + least * (1 << self.failures);
+            self.failures = (self.failures + 1).min(DOUBLINGS_MAX);
+        }
     }
 
     /// Its module shows the same plan as this one.
@@ -95,10 +98,10 @@ mod tests {
         for down in [0, 2, 4, 4] {
             channel.note_gap(now - second, now, second * 4);
             assert_eq!(channel.down_until(), now + second * down);
-            now += second * 10;
+            now += second * 100;
         }
         now += second * 60;
-        channel.note_gap(now - second, now, second);
+        channel.note_gap(now - second, now, second * 4);
         assert!(channel.is_up(now));
     }
 }

@@ -182,9 +182,16 @@ impl<F: Fn(&[ModuleId]) -> bool> Search<'_, F> {
                 .map(|other| self.nodes[other].modules.len());
             (others.intersection_count(left), sizes.sum::<usize>(), node)
         });
-        let Some((.., worst)) = worst.max().filter(|&(others, ..)| others > 1) else {
-            return self.finish(left, count);
-        };
+        let (others, worst) = worst
+            .max()
+            .map_or((0, 0), |(others, _, node)| (others, node));
+        if others <= 1 {
+            self.finish(left, count);
+            // Which of the two matters where a single module decides, such as the lowest voter.
+            if others == 0 || !self.may_have_a_quorum_yet(left) {
+                return;
+            }
+        }
         let mut without = FixedBitSet::with_capacity(self.nodes.len());
         without.insert(worst);
         for out in [&without, &self.nodes[worst].others] {
@@ -217,11 +224,16 @@ impl<F: Fn(&[ModuleId]) -> bool> Search<'_, F> {
 
     /// Leaves out one end of each pair, of pairs that have no end in common.
     fn finish(&mut self, left: &FixedBitSet, count: Count) {
+        // That with fewer voters, fewer active modules or fewer plans, then that of fewer modules, then the higher.
+        let badness = |node: usize| {
+            let Node { modules, count, .. } = &self.nodes[node];
+            let descending: Vec<ModuleId> = modules.iter().rev().copied().collect();
+            (Reverse(*count), Reverse(modules.len()), descending)
+        };
         let worse: Vec<usize> = self
             .pairs_apart(left)
             .map(|(one, other)| {
-                // Of equal ones the higher.
-                if self.nodes[one].count < self.nodes[other].count {
+                if badness(one) > badness(other) {
                     one
                 } else {
                     other
@@ -236,6 +248,27 @@ impl<F: Fn(&[ModuleId]) -> bool> Search<'_, F> {
         self.note(&left, count);
     }
 
+    /// Whether no set so far has a quorum, and one of these nodes may.
+    fn may_have_a_quorum_yet(&self, left: &FixedBitSet) -> bool {
+        let best = self.best.as_ref();
+        best.is_some_and(|((has_quorum, ..), _)| !has_quorum)
+            && (self.has_quorum)(&self.members_without(&self.left_out(left)))
+    }
+
+    /// The modules that are left out if these nodes are not, in ascending order.
+    fn left_out(&self, left: &FixedBitSet) -> Vec<ModuleId> {
+        let out = left.zeroes().flat_map(|node| &self.nodes[node].modules);
+        let mut out: Vec<ModuleId> = out.copied().collect();
+        out.sort_unstable();
+        out
+    }
+
+    fn members_without(&self, out: &[ModuleId]) -> Vec<ModuleId> {
+        let members = self.candidates.iter().map(|candidate| candidate.module);
+        let members = members.filter(|module| out.binary_search(module).is_err());
+        members.collect()
+    }
+
     /// Whether a set with so many, or with fewer, may be the best.
     fn may_be_best(&self, count: Count) -> bool {
         let best = self.best.as_ref();
@@ -247,13 +280,8 @@ impl<F: Fn(&[ModuleId]) -> bool> Search<'_, F> {
         if !self.may_be_best(count) {
             return;
         }
-        let out = left.zeroes().flat_map(|node| &self.nodes[node].modules);
-        let mut out: Vec<ModuleId> = out.copied().collect();
-        out.sort_unstable();
-        let members = self.candidates.iter().map(|candidate| candidate.module);
-        let members: Vec<ModuleId> = members
-            .filter(|module| out.binary_search(module).is_err())
-            .collect();
+        let mut out = self.left_out(left);
+        let members = self.members_without(&out);
         out.reverse();
         let value = ((self.has_quorum)(&members), count, Reverse(out.len()), out);
         if self.best.as_ref().is_none_or(|(best, _)| *best < value) {
@@ -342,6 +370,28 @@ mod tests {
             .flat_map(|one| (26..=60).map(move |other| (one, other)))
             .collect();
         assert_eq!(best_of(&many, &missed, 31), (26..=60).collect::<Vec<u32>>());
+    }
+
+    /// Half of the voters are a quorum with the lowest. It is in the pair of which the other end holds a plan.
+    /// Shows E4.
+    #[test]
+    fn a_set_with_a_quorum_is_found_where_it_hangs_on_one_module() {
+        let mut four = candidates(3);
+        four[1].is_planned = true;
+        four[2].is_planned = true;
+        let has_quorum = |members: &[ModuleId]| {
+            members.len() > 2 || (members.len() == 2 && members.contains(&ModuleId(1)))
+        };
+        let members = best(&four, &pairs(&[(1, 2)]), has_quorum);
+        assert_eq!(members, [ModuleId(1), ModuleId(3)]);
+    }
+
+    /// Shows E4.
+    #[test]
+    fn of_equal_pairs_the_higher_modules_are_left_out() {
+        let nine = candidates(9);
+        let pairs = [(1, 2), (1, 3), (9, 2), (9, 3)];
+        assert_eq!(best_of(&nine, &pairs, 5), [2, 3, 4, 5, 6, 7, 8]);
     }
 
     /// As by a search of all sets.

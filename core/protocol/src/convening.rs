@@ -171,6 +171,9 @@ impl Stage {
             }
         }
         if is_calm {
+            if let Some(due) = context.replaces_at() {
+                context.wake_at(due);
+            }
             return None;
         }
         match wanted_newcomers(roster, context) {

@@ -475,6 +475,9 @@ impl Agent {
         let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
         let is_compared = matches!(news, Ok(_) | Err(Refusal::DuplicateModule));
         let is_clock_in_doubt = is_compared && self.doubt_clock(run.module);
+        if news.is_ok() && self.context.is_back(run.module) {
+            self.hurry_heartbeat();
+        }
         let context = &mut self.context;
         match news {
             Ok(HeartbeatNews::Old) => return is_clock_in_doubt,
@@ -492,9 +495,6 @@ impl Agent {
                 return is_late || is_commanded || is_clock_in_doubt;
             }
             Ok(HeartbeatNews::New) => {
-                if self.context.lists_as_missed(run.module) {
-                    self.hurry_heartbeat();
-                }
                 self.handle_stop(stop);
                 self.context.note_run(run, holds_plan);
                 self.context.note_heard(run);

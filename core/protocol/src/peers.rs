@@ -60,8 +60,8 @@ pub(super) type Judged = (Epoch, Option<u64>, Service, u64);
 #[derive(Clone, Copy, Debug)]
 struct Calm {
     judged: Judged,
-    /// The number of changes to the peers at that time.
-    changes: u64,
+    /// The version of the peers at that time.
+    version: (u64, ShownChanges),
     /// When time alone may change the judgement.
     until: Duration,
 }
@@ -483,7 +483,7 @@ impl Peers {
         let until = self.unchanged_until(liveness);
         self.calm = Some(Calm {
             judged,
-            changes: self.changes,
+            version: self.version(),
             until: due.map_or(until, |due| until.min(due)),
         });
     }
@@ -491,7 +491,7 @@ impl Peers {
     /// Whether no peer gave a reason for an epoch, and none has changed since.
     pub fn is_calm(&self, now: Duration, judged: Judged) -> bool {
         self.calm.is_some_and(|calm| {
-            calm.judged == judged && calm.changes == self.changes && now < calm.until
+            calm.judged == judged && calm.version == self.version() && now < calm.until
         })
     }
 }

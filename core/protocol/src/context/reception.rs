@@ -36,7 +36,7 @@ pub(crate) struct Reception {
 impl Hash for Reception {
     /// What was found follows from the rest of the context.
     fn hash<H: Hasher>(&self, state: &mut H) {
-        (&self.missed, &self.replacing).hash(state);
+        (&self.misses, &self.missed, &self.replacing).hash(state);
     }
 }
 
@@ -110,9 +110,10 @@ impl Context {
         Arc::clone(&self.reception.misses)
     }
 
-    /// Whether the latest heartbeat lists a module as missed.
-    pub fn lists_as_missed(&self, module: ModuleId) -> bool {
+    /// Whether a module is live that the latest heartbeat lists as missed.
+    pub fn is_back(&self, module: ModuleId) -> bool {
         self.reception.misses.binary_search(&module).is_ok()
+            && self.peers.is_live(self.liveness(), module)
     }
 
     /// The voters that live modules receive, and this one does not: those have listened, know who votes, and do not miss them.
