@@ -300,8 +300,10 @@ impl RunLoop<'_> {
         if self.order_givers.remove(&process) {
             if !status.success() {
                 let name = self.supervisor.name(process);
+                let said = self.supervisor.last_lines(process).last();
+                let said = said.map_or_else(String::new, |line| format!(": {line}"));
                 self.display
-                    .note(&format!("warning: {name} ended with {status}"));
+                    .note(&format!("warning: {name} ended with {status}{said}"));
             }
             return None;
         }
