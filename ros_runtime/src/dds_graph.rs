@@ -1,9 +1,12 @@
 //! A process in the ROS 2 graph over DDS: a participant and the node on it.
 
+use std::cell::RefCell;
 use std::future::Future;
 use std::net::Ipv4Addr;
 use std::pin::pin;
+use std::rc::Rc;
 use std::sync::Arc;
+use std::time::Instant;
 
 use futures::stream::{LocalBoxStream, poll_fn};
 use futures::{Stream, StreamExt};
@@ -19,6 +22,7 @@ use crate::addresses::AddressWatchdog;
 use crate::arguments::NodeIdentity;
 use crate::dds_deadlock::DeadlockWatchdog;
 use crate::dds_liveness::LivenessWatchdog;
+use crate::dds_state_writer::StateWriter;
 use crate::environment::{DiscoveryRange, Environment};
 use crate::fast_dds;
 use crate::interfaces::{discovery_obstacle, interfaces};
@@ -39,7 +43,7 @@ use crate::wall_clock::WallClockWatchdog;
 /// `ros_discovery_info`, whose discovery traffic grows with the square of the number of processes.
 pub(crate) struct DdsGraph {
     // Fields are dropped in the order in which they are declared.
-    node: Node,
+    node: Rc<RefCell<Node>>,
     #[expect(
         dead_code,
         reason = "dropped after the node and before the participant"
@@ -50,7 +54,7 @@ pub(crate) struct DdsGraph {
     liveness: LivenessWatchdog,
     addresses: AddressWatchdog,
     wall_clock: WallClockWatchdog,
-    deadlock: DeadlockWatchdog,
+    deadlock: Rc<DeadlockWatchdog>,
     pub(crate) service_mapping: ServiceMapping,
 }
 
@@ -102,14 +106,14 @@ impl DdsGraph {
             "joined the ROS 2 graph"
         );
         Ok(Self {
-            node,
+            node: Rc::new(RefCell::new(node)),
             context,
             matched_readers: MatchedReaders::of(&participant),
             participant,
             liveness,
             addresses,
             wall_clock,
-            deadlock,
+            deadlock: Rc::new(deadlock),
             service_mapping,
         })
     }
@@ -146,6 +150,37 @@ impl DdsGraph {
             node.create_publisher(&dds_topic, Some(quality))
         })?;
         Ok(Box::new(move |sample| publisher.publish(sample)))
+    }
+
+    /// Publishes a latched topic under its fully qualified name, without what was replaced.
+    pub(crate) fn state_publisher<M: Serialize + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<Sink<M>, RosContextError> {
+        let quality = topic.quality().publisher_qos();
+        let dds_topic = self.dds_topic(topic, name, &quality)?;
+        let what = format!("publish `{name}`");
+        let first = self.create(&what, |node| {
+            node.create_publisher(&dds_topic, Some(quality.clone()))
+        })?;
+        // The queue may outlive the graph, and then writes with what it has.
+        let (node, deadlock) = (Rc::downgrade(&self.node), Rc::downgrade(&self.deadlock));
+        let create = move || {
+            let (node, deadlock) = (node.upgrade()?, deadlock.upgrade()?);
+            let mut node = node.borrow_mut();
+            let created =
+                deadlock.watch(|| node.create_publisher::<M>(&dds_topic, Some(quality.clone())));
+            created
+                .inspect_err(|error| tracing::warn!("cannot {what} anew: {error}"))
+                .ok()
+        };
+        let writer = StateWriter::new(first, create);
+        Ok(Box::new(move |sample| {
+            writer.write(Instant::now(), sample, |publisher, sample| {
+                publisher.publish(sample)
+            })
+        }))
     }
 
     /// Subscribes a topic under its fully qualified name.
@@ -213,20 +248,21 @@ impl DdsGraph {
         what: &str,
         create: impl FnOnce(&mut Node) -> Result<T, E>,
     ) -> Result<T, RosContextError> {
-        let node = &mut self.node;
-        self.deadlock.watch(|| create(node)).map_err(|error| {
+        let node = &mut *self.node.borrow_mut();
+        let created = self.deadlock.watch(|| create(node));
+        created.map_err(|error| {
             // Without its threads the library refuses everything.
             if self.liveness.threads.has_one_ended() {
                 RosContextError::NotReceiving
             } else {
-                library_error(what, self.node.domain_id(), &error)
+                library_error(what, node.domain_id(), &error)
             }
         })
     }
 
     /// Publishes a changed parameter on `/parameter_events`.
     pub(crate) fn announce_parameter(&mut self, name: &str, value: ParameterValue) {
-        if let Err(reason) = self.node.set_parameter(name, value) {
+        if let Err(reason) = self.node.borrow_mut().set_parameter(name, value) {
             tracing::warn!("could not announce the change of parameter {name}: {reason}");
         }
     }

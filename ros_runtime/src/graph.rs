@@ -111,6 +111,19 @@ impl Graph {
         of_either!(self, graph => graph.publisher(topic, name))
     }
 
+    /// Publishes a latched topic, without what was replaced.
+    pub(crate) fn state_publisher<M: Serialize + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<Sink<M>, RosContextError> {
+        match self {
+            Self::Dds(graph) => graph.state_publisher(topic, name),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(graph) => graph.publisher(topic, name),
+        }
+    }
+
     /// Subscribes a topic.
     pub(crate) fn subscription<M: DeserializeOwned + 'static>(
         &mut self,

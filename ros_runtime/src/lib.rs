@@ -20,6 +20,7 @@ mod dds_deadlock;
 mod dds_graph;
 mod dds_liveness;
 mod dds_service;
+mod dds_state_writer;
 pub mod diagnostics;
 pub mod environment;
 mod event_loop;

@@ -115,6 +115,20 @@ impl RosContext {
         Ok(self.queue(topic.name(), topic.quality(), sink))
     }
 
+    /// Publishes a latched topic whose late subscribers get the present sample, and none that it replaced. Changes that come sooner
+    /// than the middleware can take them wait, and a newer one takes the place of one that waits.
+    ///
+    /// # Errors
+    /// The name cannot be used, or the library refuses.
+    pub fn state_publisher<M: Serialize + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+    ) -> Result<PublisherQueue<M>, RosContextError> {
+        let name = self.resolve(Resource::Topic, &topic.path())?;
+        let sink = self.graph.state_publisher(topic, &name)?;
+        Ok(self.queue(topic.name(), topic.quality(), sink))
+    }
+
     /// Subscribes a topic: every sample of other participants that decodes and that `convert` accepts. Samples
     /// that are refused are counted and logged.
     ///

@@ -70,7 +70,7 @@ impl TargetPublisher {
             tracker.status.announce(start.elapsed(), announcement);
         }
         let mut ros = RosContext::join(&self.settings, NODE_NAME, declared)?;
-        let target = ros.publisher(&topics::TARGET)?;
+        let target = ros.state_publisher(&topics::TARGET)?;
         let mut inputs = Inputs::default();
         let mut action = None;
         // Where the node serves no tools it serves no client, as discovery grows with the number of endpoints.

@@ -36,6 +36,12 @@ impl RosTool {
         Self::start_script("observer.py", &["cyclone", domain, limit_s])
     }
 
+    /// Starts `late_joiner.py` for a domain, likewise.
+    #[must_use]
+    pub fn start_late_joiner(domain: &str) -> Option<Self> {
+        Self::start_script("late_joiner.py", &["cyclone", domain])
+    }
+
     fn start_script(name: &str, arguments: &[&str]) -> Option<Self> {
         let python = Python::find()?;
         let script = format!("tests/python/{name}");

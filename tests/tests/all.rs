@@ -13,6 +13,7 @@ mod external_motion;
 mod faults;
 mod formations;
 mod fresh_clients;
+mod late_joiners;
 mod launch_files;
 mod observers;
 mod off_lattice;

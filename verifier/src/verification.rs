@@ -102,7 +102,7 @@ impl VerifierProcess {
             statistics: ros.statistics(),
             session: session_of(&ros),
             // Created at the start, so that subscribers are matched when the verdict is published.
-            verdicts: ros.publisher(&topics::VERDICT)?,
+            verdicts: ros.state_publisher(&topics::VERDICT)?,
             notify,
             phase: Phase::Observing(Some(Instant::now())),
             judge_interval: JUDGE_INTERVAL,
