@@ -27,7 +27,7 @@ use crate::drivers::DriverMessage;
 use crate::journal::{Journal, KeptMemory, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
 use handled_states::HandledStates;
-use pushes::Docked;
+use pushes::Pushes;
 pub(crate) use removals::REMOVE_MODULE;
 
 /// What the process has to publish.
@@ -99,7 +99,7 @@ pub(crate) struct Host {
     outgoing: Vec<Outgoing>,
     /// For how long the clock stood still, if the modules have found that it did: new runs are to begin.
     stood_still: Option<Duration>,
-    docked: Docked,
+    pushes: Pushes,
     /// What only observers need, until no hosted module plans: others wait for the claims.
     evictions: Vec<EvictionNotice>,
 }
@@ -132,7 +132,7 @@ impl Host {
             handled_states: HandledStates::default(),
             outgoing: Vec::new(),
             stood_still: None,
-            docked: Docked::default(),
+            pushes: Pushes::default(),
             evictions: Vec::new(),
         };
         for (identity, service) in modules {

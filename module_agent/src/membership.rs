@@ -41,8 +41,8 @@ impl MembershipRequest {
                 host.answer(move || reply(outcome.into()));
             }
             Self::Push(Call { request, reply }) => {
-                let outcome = logged(request.module_id, push(host, size, now, request));
-                reply(outcome.into());
+                let outcome = host.push_once(request.order, |host| push(host, size, now, request));
+                reply(logged(request.module_id, outcome).into());
             }
         }
     }
@@ -186,6 +186,27 @@ mod tests {
             x,
             ..AddModuleRequest::default()
         }
+    }
+
+    #[test]
+    fn a_push_that_arrives_again_pushes_once() {
+        let mut host = host(&Motion {
+            pushable: true,
+            ..Motion::default()
+        });
+        let mut place_after = |order| {
+            let request = PushModuleRequest {
+                module_id: 4,
+                x: 1.0,
+                y: 0.0,
+                order,
+            };
+            let answer = host.push_once(order, |host| push(host, METRE, NOW, request));
+            assert_eq!(answer, Ok("module 4 was pushed".to_owned()));
+            host.poses()[&ModuleId(4)].map(|pose| pose.x.to_units())
+        };
+        let places = [7, 7, 8, 0, 0, 7].map(&mut place_after);
+        assert_eq!(places, [1.0, 1.0, 2.0, 3.0, 4.0, 5.0].map(Some));
     }
 
     #[test]

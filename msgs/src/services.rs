@@ -47,6 +47,7 @@ pub struct PushModuleRequest {
     pub module_id: u32,
     pub x: f64,
     pub y: f64,
+    pub order: u64,
 }
 
 /// The request of `RemoveModule.srv`.

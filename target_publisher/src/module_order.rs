@@ -8,6 +8,7 @@ use formation_model::ModuleId;
 use formation_msgs::{
     PushModuleRequest, PushModuleResponse, RetireModuleRequest, RetireModuleResponse,
 };
+use formation_node_support::stamp;
 use ros_runtime::ros_context::{RosContext, RosContextError};
 use ros_runtime::service::DeclaredService;
 use ros_runtime::settings::Settings;
@@ -18,9 +19,9 @@ const RETIRE_MODULE: DeclaredService<RetireModuleRequest, RetireModuleResponse> 
 const PUSH_MODULE: DeclaredService<PushModuleRequest, PushModuleResponse> =
     DeclaredService::new("push_module", "formation_msgs", "PushModule");
 
-/// How long a process has to answer.
+/// How long a process has to answer that may not host the module.
 const ANSWER_LIMIT: Duration = Duration::from_secs(5);
-/// How long processes have to appear.
+/// How long processes have to appear, and the one that hosts the module to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The time between two looks for processes.
 const INTERVAL: Duration = Duration::from_millis(100);
@@ -70,25 +71,32 @@ impl ModuleOrder {
         }
     }
 
-    /// Asks one process. Returns what it answers: what it did, or why it did nothing.
+    /// Asks one process; `order` is the number under which the process carries out a push once. Returns what it answers: what it did, or why it did nothing.
     fn call(
         self,
         ros: &mut RosContext,
         name: &str,
+        order: u64,
+        limit: Duration,
     ) -> Result<Option<Result<String, String>>, RosContextError> {
         let module_id = self.module.0;
         let (success, message) = match self.deed {
             Deed::Retire | Deed::Rejoin => {
                 let rejoin = self.deed == Deed::Rejoin;
                 let request = RetireModuleRequest { module_id, rejoin };
-                match ros.call(&RETIRE_MODULE, name, &request, ANSWER_LIMIT)? {
+                match ros.call(&RETIRE_MODULE, name, &request, limit)? {
                     Some(answer) => (answer.success, answer.message),
                     None => return Ok(None),
                 }
             }
             Deed::Push(x, y) => {
-                let request = PushModuleRequest { module_id, x, y };
-                match ros.call(&PUSH_MODULE, name, &request, ANSWER_LIMIT)? {
+                let request = PushModuleRequest {
+                    module_id,
+                    x,
+                    y,
+                    order,
+                };
+                match ros.call(&PUSH_MODULE, name, &request, limit)? {
                     Some(answer) => (answer.success, answer.message),
                     None => return Ok(None),
                 }
@@ -114,6 +122,7 @@ pub(crate) fn ask(
     let own_node = format!("/module_{}/{service}", module.0);
     let deadline = Instant::now() + PATIENCE;
     let mut refusals: BTreeMap<String, String> = BTreeMap::new();
+    let number = stamp::incarnation().0;
     while stop.is_empty() && Instant::now() < deadline {
         let mut services: Vec<String> = ros.services_named(service)?.into_iter().collect();
         services.retain(|name| is_below(name, &namespace) && !refusals.contains_key(name));
@@ -122,13 +131,15 @@ pub(crate) fn ask(
             std::thread::sleep(INTERVAL);
             continue;
         };
-        let refusal = match order.call(&mut ros, &name)? {
+        // The node of that name hosts it, so no other does.
+        let hosts_it = name.ends_with(&own_node);
+        let limit = if hosts_it { PATIENCE } else { ANSWER_LIMIT };
+        let refusal = match order.call(&mut ros, &name, number, limit)? {
             Some(Ok(done)) => return Ok(done),
             Some(Err(refusal)) => refusal,
-            None => format!("no answer within {} s", ANSWER_LIMIT.as_secs()),
+            None => format!("no answer within {} s", limit.as_secs()),
         };
-        // The node of that name hosts it, so no other does.
-        if name.ends_with(&own_node) {
+        if hosts_it {
             return Err(RosContextError::Failed(format!("`{name}`: {refusal}")));
         }
         refusals.insert(name, refusal);

@@ -15,9 +15,14 @@ const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
 /// A simulated port opens when what it held is farther than this from where it was. A shorter push would tear nothing off.
 const SLACK: MicroUnits = MicroUnits(MICRO_PER_UNIT / 4);
 
-/// Where the modules were, in the frame of the module that is docked to them, while both ends named the link.
+/// What is known of pushes.
 #[derive(Default)]
-pub(super) struct Docked(BTreeMap<(ModuleId, ModuleId), (f64, f64)>);
+pub(super) struct Pushes {
+    /// Where the modules were, in the frame of the module that is docked to them, while both ends named the link.
+    docked: BTreeMap<(ModuleId, ModuleId), (f64, f64)>,
+    /// The order of the last push, and the answer to it.
+    last: Option<(u64, Result<String, String>)>,
+}
 
 /// Where a pose is in the frame of another one, in units.
 fn seen_from(from: &Pose, pose: &Pose) -> (f64, f64) {
@@ -91,6 +96,22 @@ impl Host {
         Ok(torn_off)
     }
 
+    /// Answers an order to push as it was answered, if it is the last one that came, else by `push`. A request may arrive more than once.
+    pub(crate) fn push_once(
+        &mut self,
+        order: u64,
+        push: impl FnOnce(&mut Self) -> Result<String, String>,
+    ) -> Result<String, String> {
+        if let Some((last, answer)) = &self.pushes.last
+            && *last == order
+        {
+            return answer.clone();
+        }
+        let answer = push(self);
+        self.pushes.last = (order != 0).then(|| (order, answer.clone()));
+        answer
+    }
+
     /// Why a request for a module that this process does not host is refused.
     pub(crate) fn does_not_host(&self, module: ModuleId) -> String {
         let hosted = self.modules.iter().map(|hosted| hosted.identity.module.0);
@@ -119,15 +140,15 @@ impl Host {
                 };
                 let seen = seen_from(&pose, &state.pose);
                 if state.links.contains(&own) {
-                    self.docked.0.insert((own, other), seen);
-                } else if let Some(was) = self.docked.0.get(&(own, other))
+                    self.pushes.docked.insert((own, other), seen);
+                } else if let Some(was) = self.pushes.docked.get(&(own, other))
                     && (was.0 - seen.0).hypot(was.1 - seen.1) > SLACK.to_units()
                 {
                     torn.push(other);
                 }
             }
             for other in torn {
-                self.docked.0.remove(&(own, other));
+                self.pushes.docked.remove(&(own, other));
                 if self.modules[index].drive.tear_off(other) {
                     self.pass_reports(index, now);
                 }

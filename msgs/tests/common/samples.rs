@@ -165,6 +165,7 @@ impl Collection {
             module_id,
             x: 0.5,
             y: -1.5,
+            order: u64::from(module_id),
         });
         self.add(&wire::PushModuleResponse {
             success,
