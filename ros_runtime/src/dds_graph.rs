@@ -1,6 +1,7 @@
 //! A process in the ROS 2 graph over DDS: a participant and the node on it.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::future::Future;
 use std::net::Ipv4Addr;
 use std::pin::pin;
@@ -14,7 +15,9 @@ use ros2_client::qos::QosProfile;
 use ros2_client::{
     Context, MessageInfo, MessageTypeName, Node, NodeName, NodeOptions, ParameterValue, ROSTime,
 };
-use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicies, RTPSEntity};
+use rustdds::{
+    DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, RTPSEntity, TopicDescription,
+};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -26,8 +29,8 @@ use crate::dds_state_writer::StateWriter;
 use crate::environment::{DiscoveryRange, Environment};
 use crate::fast_dds;
 use crate::interfaces::{discovery_obstacle, interfaces};
-use crate::matched_readers::MatchedReaders;
 use crate::parameters::Parameters;
+use crate::participant_events::ParticipantEvents;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::{RawSample, Undecoded};
 use crate::ros_context_error::{RosContextError, bad_name, library_name};
@@ -50,7 +53,9 @@ pub(crate) struct DdsGraph {
     )]
     context: Context,
     pub(crate) participant: DomainParticipant,
-    pub(crate) matched_readers: MatchedReaders,
+    pub(crate) events: ParticipantEvents,
+    /// The topics that are subscribed, as the library names them.
+    subscribed: BTreeSet<String>,
     liveness: LivenessWatchdog,
     addresses: AddressWatchdog,
     wall_clock: WallClockWatchdog,
@@ -108,7 +113,8 @@ impl DdsGraph {
         Ok(Self {
             node: Rc::new(RefCell::new(node)),
             context,
-            matched_readers: MatchedReaders::of(&participant),
+            events: ParticipantEvents::of(&participant),
+            subscribed: BTreeSet::new(),
             participant,
             liveness,
             addresses,
@@ -120,11 +126,11 @@ impl DdsGraph {
 
     /// The participant of this process, as receivers see it in the samples that it sends.
     pub(crate) fn participant(&self) -> ParticipantId {
-        participant_of(self.participant.guid().prefix.as_ref())
+        ParticipantId::of_prefix(self.participant.guid().prefix.as_ref())
     }
 
-    /// Fails once the DDS library has stopped receiving, does not receive at an address of this machine, or gives out no
-    /// heartbeats as the clock was set back; only a new participant receives them.
+    /// Takes in the library's events, and fails once it has stopped receiving, does not receive at an address of this machine or from a
+    /// publisher that is back, or gives out no heartbeats as the clock was set back; only a new participant receives them.
     pub(crate) fn check_reception(&self) -> Result<(), RosContextError> {
         if !self.liveness.is_alive() {
             return Err(RosContextError::NotReceiving);
@@ -132,10 +138,31 @@ impl DdsGraph {
         if let Some(step) = self.wall_clock.set_back_by() {
             return Err(RosContextError::ClockSetBack(step));
         }
-        match self.addresses.unreached() {
-            Some(addresses) => Err(RosContextError::NewAddresses(addresses)),
+        if let Some(addresses) = self.addresses.unreached() {
+            return Err(RosContextError::NewAddresses(addresses));
+        }
+        match self.topic_of_returned() {
+            Some(topic) => Err(RosContextError::PublisherIsBack(topic)),
             None => Ok(()),
         }
+    }
+
+    /// A subscribed topic that a participant publishes which was lost and is back. Who publishes nothing to this process may be lost for it.
+    fn topic_of_returned(&self) -> Option<String> {
+        let returned = self.events.returned();
+        if returned.is_empty() {
+            return None;
+        }
+        let mut writers = self.participant.discovered_writers().into_iter();
+        let publishes = |topic: &str, writer: GUID| {
+            self.subscribed.contains(topic)
+                && returned.contains(&ParticipantId::of_prefix(writer.prefix.as_ref()))
+        };
+        let topic = writers.find_map(|writer| {
+            let data = writer.publication_topic_data;
+            publishes(&data.topic_name, data.key).then_some(data.topic_name)
+        })?;
+        Some(topic.strip_prefix("rt").unwrap_or(&topic).to_owned())
     }
 
     /// Publishes a topic under its fully qualified name.
@@ -191,6 +218,7 @@ impl DdsGraph {
     ) -> Result<LocalBoxStream<'static, Taken<M>>, RosContextError> {
         let quality = topic.quality().subscription_qos();
         let dds_topic = self.dds_topic(topic, name, &quality)?;
+        self.subscribed.insert(TopicDescription::name(&dds_topic));
         let subscription = self.create(&format!("subscribe `{name}`"), |node| {
             node.create_subscription::<M>(&dds_topic, Some(quality))
         })?;
@@ -211,6 +239,7 @@ impl DdsGraph {
     ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, RosContextError> {
         let quality = topic.quality().subscription_qos();
         let dds_topic = self.dds_topic(topic, name, &quality)?;
+        self.subscribed.insert(TopicDescription::name(&dds_topic));
         let participant = self.participant.clone();
         let quality = QosPolicies::from(quality);
         let reader = self.create(&format!("subscribe `{name}`"), |_| {
@@ -310,18 +339,11 @@ fn raw_sample(info: &MessageInfo, bytes: Vec<u8>) -> RawSample {
 fn origin_of(info: &MessageInfo) -> SampleOrigin {
     SampleOrigin {
         // The first twelve bytes of an endpoint's identifier are its participant's.
-        participant: participant_of(&info.publisher_gid().to_bytes16()[..12]),
+        participant: ParticipantId::of_prefix(&info.publisher_gid().to_bytes16()[..12]),
         sent_ns: info.source_timestamp().and_then(nanoseconds),
     }
 }
 
 fn nanoseconds(time: ROSTime) -> Option<u64> {
     u64::try_from(time.to_nanos()).ok()
-}
-
-fn participant_of(prefix: &[u8]) -> ParticipantId {
-    let number = prefix
-        .iter()
-        .fold(0, |number, &byte| (number << 8) | u128::from(byte));
-    ParticipantId(number)
 }

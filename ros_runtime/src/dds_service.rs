@@ -13,7 +13,7 @@ use ros2_client::{ReadResult, Server, ServiceTypeName, WriteResult};
 use rustdds::{DomainParticipant, RTPSEntity};
 
 use crate::dds_graph::DdsGraph;
-use crate::matched_readers::MatchedReaders;
+use crate::participant_events::ParticipantEvents;
 use crate::ros_context_error::{RosContextError, library_name};
 use crate::service::{Call, Carried, DeclaredService, Reply, RequestId, ServiceData, WAITING_MAX};
 use crate::topic::Quality;
@@ -83,7 +83,7 @@ where
 pub(crate) struct Clients {
     service: String,
     participant: DomainParticipant,
-    matched: MatchedReaders,
+    matched: ParticipantEvents,
     reply_topic: String,
 }
 
@@ -100,7 +100,7 @@ impl Clients {
     pub(crate) fn of(graph: &DdsGraph, name: &str) -> Rc<Self> {
         Rc::new(Self {
             participant: graph.participant.clone(),
-            matched: graph.matched_readers.clone(),
+            matched: graph.events.clone(),
             reply_topic: format!("rr{name}Reply"),
             service: name.to_owned(),
         })

@@ -79,11 +79,7 @@ impl Graph {
     /// The middleware no longer receives, or not at all addresses of this machine.
     pub(crate) fn attend(&mut self) -> Result<(), RosContextError> {
         match self {
-            Self::Dds(graph) => {
-                graph.check_reception()?;
-                graph.matched_readers.update();
-                Ok(())
-            }
+            Self::Dds(graph) => graph.check_reception(),
             #[cfg(feature = "zenoh")]
             Self::Zenoh(graph) => {
                 graph.attend();
@@ -96,7 +92,7 @@ impl Graph {
     /// subscribers.
     pub(crate) fn has_subscribers(&self) -> Option<bool> {
         match self {
-            Self::Dds(graph) => Some(graph.matched_readers.is_any()),
+            Self::Dds(graph) => Some(graph.events.is_any()),
             #[cfg(feature = "zenoh")]
             Self::Zenoh(_) => None,
         }

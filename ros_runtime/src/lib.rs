@@ -6,9 +6,9 @@
 //! of all nodes, which calls the process's [`node::Node`], and serves its parameters, `/rosout` and
 //! `/diagnostics`.
 //!
-//! Four watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, `addresses` that it
-//! does not listen at all addresses of the machine, `wall_clock` that it reads no heartbeats as the clock was set back, and
-//! `dds_deadlock` that it has locked itself up.
+//! Five watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, `addresses` that it
+//! does not listen at all addresses of the machine, `wall_clock` that it reads no heartbeats as the clock was set back,
+//! `returned_participants` that it does not match who is back, and `dds_deadlock` that it has locked itself up.
 
 pub mod action;
 mod addresses;
@@ -31,13 +31,14 @@ mod graph;
 pub mod inputs;
 pub mod interfaces;
 mod logging;
-mod matched_readers;
 pub mod middleware;
 pub mod node;
 mod node_interfaces;
 pub mod parameters;
+mod participant_events;
 mod publisher_queue;
 mod raw_sample;
+mod returned_participants;
 pub mod ros_context;
 mod ros_context_error;
 mod rosout;

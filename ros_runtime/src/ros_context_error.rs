@@ -25,6 +25,11 @@ pub enum RosContextError {
     /// The machine got addresses after the DDS library had read them, which it does once.
     #[error("this machine is now reached at {0}, where the DDS library does not listen yet")]
     NewAddresses(String),
+    /// The network was away for longer than the DDS library remembers others, which it does not match again.
+    #[error(
+        "a publisher of `{0}` is back that was lost, and the DDS library does not match it again"
+    )]
+    PublisherIsBack(String),
     /// The wall clock of this machine was set back by this much, and the library reads no best-effort samples until it is
     /// there again.
     #[error(
@@ -48,6 +53,7 @@ impl RosContextError {
             self,
             Self::NotReceiving
                 | Self::NewAddresses(_)
+                | Self::PublisherIsBack(_)
                 | Self::ClockSetBack(_)
                 | Self::ClockStoodStill(_)
         )
@@ -67,6 +73,7 @@ impl From<RosContextError> for Failure {
             RosContextError::Failed(_)
             | RosContextError::NotReceiving
             | RosContextError::NewAddresses(_)
+            | RosContextError::PublisherIsBack(_)
             | RosContextError::ClockSetBack(_)
             | RosContextError::ClockStoodStill(_) => Self::Failed(error.into()),
         }

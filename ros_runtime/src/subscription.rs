@@ -11,6 +11,14 @@ use crate::topic_statistics::{RefusalKind, SharedStatistics, TopicStatistics};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ParticipantId(pub u128);
 
+impl ParticipantId {
+    /// The participant whose identifiers over DDS begin with these bytes.
+    pub(crate) fn of_prefix(prefix: &[u8]) -> Self {
+        let bytes = prefix.iter();
+        Self(bytes.fold(0, |number, &byte| (number << 8) | u128::from(byte)))
+    }
+}
+
 /// Where a sample comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleOrigin {

@@ -109,7 +109,7 @@ impl TwoMachines {
         let verifier = start(1, "verifier", &["--json", "--time-limit-s", "110"]);
         let agents = [(0, "1-5"), (1, "6-10")]
             .map(|(side, modules)| start(side, "module_agent", &["--modules", modules]));
-        let _publisher = start(1, "target_publisher", &[]);
+        let _publisher = start(1, "target_publisher", &["--voters", "1-10"]);
         Self {
             agents,
             _publisher,
@@ -196,6 +196,7 @@ fn a_link_may_be_down_for_longer_than_dds_remembers_participants() {
     machines.network.set_link(0, false);
     std::thread::sleep(Duration::from_secs(60));
     machines.network.set_link(0, true);
+    machines.await_log(0, "is back that was lost");
     machines.assert_complete();
 }
 

@@ -1,34 +1,40 @@
-//! Which subscriptions of other processes receive what this process sends.
+//! What the DDS library tells of other participants: which of their readers receive what this process sends, and who is back.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::rc::Rc;
+use std::time::Instant;
 
 use rustdds::{
     DomainParticipant, DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID,
-    RTPSEntity, StatusEvented,
+    LostReason, RTPSEntity, StatusEvented,
 };
 
-/// The remote readers that a writer of this participant has matched.
+use crate::returned_participants::ReturnedParticipants;
+use crate::subscription::ParticipantId;
+
+/// The remote readers that a writer of this participant has matched, and the participants that came back.
 ///
 /// Discovery lists a reader before the writer knows it, and a volatile sample that is sent between the two never reaches
 /// that reader. The library's events are the only evidence that the writer knows it.
 #[derive(Clone)]
-pub(crate) struct MatchedReaders(Rc<RefCell<State>>);
+pub(crate) struct ParticipantEvents(Rc<RefCell<State>>);
 
 struct State {
     own: GUID,
     events: DomainParticipantStatusListener,
     readers: BTreeSet<GUID>,
+    returned: ReturnedParticipants,
 }
 
-impl MatchedReaders {
+impl ParticipantEvents {
     /// Reads the events of this participant. Nothing else may read them, as each is given out once.
     pub(crate) fn of(participant: &DomainParticipant) -> Self {
         Self(Rc::new(RefCell::new(State {
             own: participant.guid(),
             events: participant.status_listener(),
             readers: BTreeSet::new(),
+            returned: ReturnedParticipants::default(),
         })))
     }
 
@@ -43,9 +49,26 @@ impl MatchedReaders {
                 DomainParticipantStatusEvent::ReaderLost { guid, .. } => {
                     state.readers.remove(&guid);
                 }
+                DomainParticipantStatusEvent::ParticipantDiscovered { dpd } => {
+                    let id = ParticipantId::of_prefix(dpd.guid.prefix.as_ref());
+                    state.returned.note_discovered(Instant::now(), id);
+                }
+                DomainParticipantStatusEvent::ParticipantLost { id, reason } => {
+                    let id = ParticipantId::of_prefix(id.as_ref());
+                    match reason {
+                        LostReason::Timeout { .. } => state.returned.note_lost(id),
+                        LostReason::Disposed => state.returned.note_left(id),
+                    }
+                }
                 _ => {}
             }
         }
+    }
+
+    /// The participants that were lost, came back, and have stayed.
+    pub(crate) fn returned(&self) -> BTreeSet<ParticipantId> {
+        self.update();
+        self.0.borrow().returned.stayed(Instant::now()).collect()
     }
 
     /// Whether a writer of this process has matched one of another participant.
