@@ -1,5 +1,6 @@
 //! The modules that one process hosts: their agents, their drives, and what they publish together.
 
+mod events;
 mod handled_states;
 mod pushes;
 mod removals;
@@ -15,11 +16,10 @@ use formation_model::{
 use formation_motion::DriveCommand;
 use formation_node_support::{stamp, topics};
 use formation_protocol::{
-    Agent, AgentParameters, Command, ComputedPlan, DurableState, Event, Identity, Input, Output,
-    PlanJob, RefusalCounts, Severity, SharedPlans,
+    Agent, AgentParameters, Command, ComputedPlan, DurableState, Identity, Input, Output, PlanJob,
+    RefusalCounts, SharedPlans,
 };
 use ros_runtime::diagnostics::Report;
-use ros_runtime::topic_statistics::is_logged;
 
 use crate::arguments::{DriveMode, Motion};
 use crate::drive::Drive;
@@ -267,6 +267,13 @@ impl Host {
             sender: None,
             message,
         });
+    }
+
+    /// A participant has left the graph, after all messages of it that were taken.
+    pub(crate) fn handle_departed(&mut self, now: Duration, source: SourceId) {
+        for index in 0..self.modules.len() {
+            self.pass(index, now, Input::Departed(source));
+        }
     }
 
     /// Passes a message of a driver to its module.
@@ -558,36 +565,6 @@ impl Host {
     pub(crate) fn refusals(&self) -> impl Iterator<Item = (ModuleId, &RefusalCounts)> {
         let agents = self.modules.iter().map(|hosted| &hosted.agent);
         agents.map(|agent| (agent.module(), agent.refusals()))
-    }
-}
-
-impl Hosted {
-    /// Counts and logs an event.
-    fn handle_event(&mut self, event: &Event) {
-        self.diagnostics.handle_event(event);
-        // Events that others can cause at will must not flood the log.
-        let count = match event {
-            Event::Refused { .. } => Some(&mut self.refusals),
-            Event::DuplicateModule(_) => Some(&mut self.duplicates),
-            Event::ClockInDoubt { .. } => Some(&mut self.clock_doubts),
-            // Reports name modules that this one knows, so there are no more counts than that.
-            Event::RemovalProposed(module)
-            | Event::RemovalRefuted(module)
-            | Event::RemovalOverruled(module) => Some(self.removals.entry(*module).or_default()),
-            _ => None,
-        };
-        if let Some(count) = count {
-            *count += 1;
-            if !is_logged(*count) {
-                return;
-            }
-        }
-        let module = self.identity.module.0;
-        match event.severity() {
-            Severity::Info => tracing::info!(module, "{event}"),
-            Severity::Warning => tracing::warn!(module, "{event}"),
-            Severity::Error => tracing::error!(module, "{event}"),
-        }
     }
 }
 

@@ -352,6 +352,10 @@ impl Node for ModuleNode {
             self.host.report_removal(request);
         }
         self.host.advance(self.now());
+        for participant in ros.departed() {
+            self.host
+                .handle_departed(self.now(), source_id(participant));
+        }
         if let Some(job) = self.host.next_job() {
             self.workers.plans.start_job(job);
         }

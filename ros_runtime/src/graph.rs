@@ -88,6 +88,15 @@ impl Graph {
         }
     }
 
+    /// The participants that have left the graph by themselves since the last call.
+    pub(crate) fn departed(&mut self) -> Vec<ParticipantId> {
+        match self {
+            Self::Dds(graph) => graph.events.take_departed(),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(_) => Vec::new(),
+        }
+    }
+
     /// Whether a process is known that subscribes what this one publishes; `None` over Zenoh, where publishers do not see
     /// subscribers.
     pub(crate) fn has_subscribers(&self) -> Option<bool> {

@@ -1,7 +1,7 @@
 //! What the DDS library tells of other participants: which of their readers receive what this process sends, and who is back.
 
 use std::cell::RefCell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -12,6 +12,9 @@ use rustdds::{
 
 use crate::returned_participants::ReturnedParticipants;
 use crate::subscription::ParticipantId;
+
+/// So many that have left are kept for a program that does not ask.
+const DEPARTED_MAX: usize = 1_024;
 
 /// The remote readers that a writer of this participant has matched, and the participants that came back.
 ///
@@ -25,6 +28,8 @@ struct State {
     events: DomainParticipantStatusListener,
     readers: BTreeSet<GUID>,
     returned: ReturnedParticipants,
+    /// Those that have left, until they are taken.
+    departed: VecDeque<ParticipantId>,
 }
 
 impl ParticipantEvents {
@@ -35,6 +40,7 @@ impl ParticipantEvents {
             events: participant.status_listener(),
             readers: BTreeSet::new(),
             returned: ReturnedParticipants::default(),
+            departed: VecDeque::new(),
         })))
     }
 
@@ -57,12 +63,23 @@ impl ParticipantEvents {
                     let id = ParticipantId::of_prefix(id.as_ref());
                     match reason {
                         LostReason::Timeout { .. } => state.returned.note_lost(id),
-                        LostReason::Disposed => state.returned.note_left(id),
+                        LostReason::Disposed => {
+                            state.returned.note_left(id);
+                            if state.departed.len() >= DEPARTED_MAX {
+                                state.departed.pop_front();
+                            }
+                            state.departed.push_back(id);
+                        }
                     }
                 }
                 _ => {}
             }
         }
+    }
+
+    /// The participants that have left by themselves since the last call.
+    pub(crate) fn take_departed(&self) -> Vec<ParticipantId> {
+        self.0.borrow_mut().departed.drain(..).collect()
     }
 
     /// The participants that were lost, came back, and have stayed.

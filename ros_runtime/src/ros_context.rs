@@ -96,6 +96,11 @@ impl RosContext {
         self.graph.has_subscribers()
     }
 
+    /// The participants that have left the graph by themselves since the last call; none over Zenoh, which does not say.
+    pub fn departed(&mut self) -> Vec<ParticipantId> {
+        self.graph.departed()
+    }
+
     /// The counts of samples, which the queues of this context write.
     #[must_use]
     pub fn statistics(&self) -> SharedStatistics {

@@ -401,6 +401,7 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
     match reason {
         EpochReason::NewTarget => of("new_target"),
         EpochReason::DigestMismatch => of("digest_mismatch"),
+        EpochReason::Left(modules) => of("left").modules("modules", modules),
         EpochReason::Silent(modules) => of("silent").modules("modules", modules),
         EpochReason::NotReceived(modules) => of("not_received").modules("modules", modules),
         EpochReason::Displaced(displaced) => {

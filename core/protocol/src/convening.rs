@@ -41,7 +41,7 @@ impl Agent {
         let live = context.live_modules();
         let expected = context.target.expected_modules();
         let all_are_live = expected.is_some_and(|expected| live.len() >= expected as usize);
-        if all_are_live && live.iter().all(|&module| has_no_epoch(module, context)) {
+        if all_are_live && live.iter().all(|&module| is_in_no_epoch(module, context)) {
             context.pacing.end_listening(context.now);
         }
         // A module that was moved knows best where it stands, and one that refuses a roster why; neither waits for its turn.
@@ -77,10 +77,10 @@ impl Agent {
     }
 }
 
-/// Whether a module's latest heartbeat shows no epoch.
-fn has_no_epoch(module: ModuleId, context: &Context) -> bool {
+/// Whether a module's latest heartbeat shows that it is in no epoch; a run that goes on from an earlier one knows of epochs all the same.
+fn is_in_no_epoch(module: ModuleId, context: &Context) -> bool {
     let heartbeat = context.peers.heartbeat(module);
-    heartbeat.is_none_or(|heartbeat| heartbeat.epoch.is_none())
+    heartbeat.is_none_or(|heartbeat| heartbeat.phase == ModulePhase::Listening)
 }
 
 /// The modules whose bodies a roster lists and that are in the way no more: the body was removed, or a roster may say so, or its module
@@ -300,7 +300,7 @@ fn is_in_charge(run: ModuleRun, context: &Context) -> bool {
 /// The members that have restarted, or else those that are not live.
 fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
     let liveness = context.liveness();
-    let (mut restarted, mut silent) = (Vec::new(), Vec::new());
+    let (mut restarted, mut silent, mut left) = (Vec::new(), Vec::new(), 0);
     let others = others(roster, context).map(|member| (member.module.id, member.incarnation));
     for (module, incarnation, peer) in context.peers.along(others) {
         if peer.is_some_and(|peer| peer.has_replaced(incarnation)) {
@@ -308,12 +308,17 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
         }
         if !peer.is_some_and(|peer| liveness.includes(peer)) {
             silent.push(module);
+            left += usize::from(peer.is_some_and(|peer| peer.has_left));
         }
     }
     if !restarted.is_empty() {
         return Some(EpochReason::Restarted(restarted));
     }
-    (!silent.is_empty()).then_some(EpochReason::Silent(silent))
+    match silent.len() {
+        0 => None,
+        all if all == left => Some(EpochReason::Left(silent)),
+        _ => Some(EpochReason::Silent(silent)),
+    }
 }
 
 /// The members that another one does not receive.

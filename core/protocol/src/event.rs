@@ -283,6 +283,9 @@ pub enum EpochReason {
     /// There is a target and no plan for it.
     #[error("there is a target and no plan for it")]
     NewTarget,
+    /// The processes of members have left the graph.
+    #[error("left the graph: {}", ids(.0))]
+    Left(Vec<ModuleId>),
     /// Members have been silent for longer than `suspicion_s`.
     #[error("silent for longer than suspicion_s: {}", ids(.0))]
     Silent(Vec<ModuleId>),

@@ -59,6 +59,8 @@ pub enum Input {
         /// The message.
         message: Message,
     },
+    /// This participant has left the graph by itself, as a process does that ends or joins anew.
+    Departed(SourceId),
     /// A report from the drive or the docking ports.
     Motion(MotionReport),
     /// A command.

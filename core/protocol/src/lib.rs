@@ -172,6 +172,7 @@ impl Agent {
                 self.handle_command(command);
                 true
             }
+            Input::Departed(source) => self.context.peers.depart(source),
             Input::Computed(computed) => self.context.plans.receive(computed),
             Input::Persisted(_) | Input::Timeout => true,
         };

@@ -26,6 +26,8 @@ pub(super) struct Peer {
     pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
     pub source: Option<SourceId>,
+    /// Whether the participant that sends for it has left the graph, and nothing came from this run since.
+    pub has_left: bool,
     /// Whether its heartbeats show that it belongs to a session with other voters.
     pub has_other_voters: bool,
     /// When its latest heartbeat was sent, by this module's clock.
@@ -48,6 +50,7 @@ impl Peer {
             kept_clock: None,
             replaces: None,
             source,
+            has_left: false,
             has_other_voters: false,
             alive_at: None,
             first_seen: now,
@@ -85,9 +88,10 @@ impl Peer {
         heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(epoch))
     }
 
-    /// The age of the latest heartbeat; `None` without one.
+    /// The age of the latest heartbeat; `None` without one, or if its participant has left since.
     pub fn age(&self, now: Duration) -> Option<Duration> {
-        self.alive_at.map(|at| now.saturating_sub(at))
+        let alive_at = self.alive_at.filter(|_| !self.has_left);
+        alive_at.map(|at| now.saturating_sub(at))
     }
 
     /// When it last gave a sign of life.
@@ -133,6 +137,7 @@ impl Peer {
     pub fn note_heartbeat(&mut self, heartbeat: Heartbeat, sent_at: Duration) {
         self.alive_at = Some(self.alive_at.map_or(sent_at, |at| at.max(sent_at)));
         self.heartbeat = Some(heartbeat);
+        self.has_left = false;
     }
 
     /// The modules that its latest heartbeat lists as not received.

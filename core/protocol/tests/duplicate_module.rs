@@ -250,3 +250,65 @@ fn what_is_plausible_follows_the_clock_and_not_the_number_of_the_run() {
         assert_eq!(agent.refusals().total(), refused);
     }
 }
+
+/// A heartbeat of module 5 from a participant.
+fn beat_of_fifth(incarnation: u64, sequence: u64, source: SourceId) -> Input {
+    let message = Message::Heartbeat(Heartbeat {
+        module: ModuleId(5),
+        incarnation: Incarnation(incarnation),
+        knows: false,
+        voters: 0,
+        sequence,
+        uptime: Duration::from_millis(500 * sequence),
+        epoch: None,
+        digest: None,
+        digest_since: 0,
+        applied_turns: 0,
+        steps_done: 0,
+        phase: ModulePhase::Listening,
+        stop: Stop::default(),
+        misses: Arc::default(),
+    });
+    Input::Message {
+        source: Some(source),
+        message,
+    }
+}
+
+/// Shows M9.
+#[test]
+fn who_has_left_is_silent_at_once_and_its_next_run_is_let_in() {
+    let mut agent = run(false);
+    let (first, second) = (SourceId(1), SourceId(2));
+    let is_live = |agent: &Agent| agent.living_peers().contains_key(&ModuleId(5));
+    agent.handle(at(1), beat_of_fifth(10, 1, first));
+    agent.handle(at(1), beat_of_fifth(20, 1, second));
+    assert!(agent.refusals().total() == 1 && is_live(&agent));
+    agent.handle(at(1), Input::Departed(second));
+    assert!(is_live(&agent), "another one has left");
+    agent.handle(at(1), Input::Departed(first));
+    assert!(!is_live(&agent));
+    agent.handle(at(1), beat_of_fifth(20, 2, second));
+    assert!(agent.refusals().total() == 1 && is_live(&agent));
+    agent.handle(at(1), beat_of_fifth(10, 2, first));
+    assert_eq!(agent.refusals().total(), 2, "the former run is over");
+}
+
+/// Shows M9.
+#[test]
+fn who_was_said_to_have_left_and_sends_is_live() {
+    let mut agent = run(false);
+    let source = SourceId(1);
+    let is_live = |agent: &Agent| agent.living_peers().contains_key(&ModuleId(5));
+    agent.handle(at(1), beat_of_fifth(10, 1, source));
+    agent.handle(at(1), Input::Departed(source));
+    assert!(!is_live(&agent));
+    agent.handle(at(2), beat_of_fifth(10, 2, source));
+    assert!(is_live(&agent));
+    agent.handle(at(2), beat_of_fifth(20, 1, SourceId(2)));
+    assert_eq!(
+        agent.refusals().total(),
+        1,
+        "it is refused until the first is silent"
+    );
+}

@@ -35,6 +35,11 @@ impl Cluster {
                     self.input(run.module, Input::Computed(computed));
                 }
             }
+            Some(Happening::Departed(run, source)) => {
+                if self.process_of(run).is_some() {
+                    self.input(run.module, Input::Departed(source));
+                }
+            }
             Some(Happening::Undocked(run, other)) => {
                 if self.process_of(run).is_some() {
                     self.input(run.module, Input::Motion(MotionReport::Undocked(other)));

@@ -14,11 +14,15 @@ use formation_protocol::{Command, Identity, Input};
 use super::Cluster;
 use super::schedule::Happening;
 use crate::faults::Fault;
+use crate::network::Participant;
 use crate::observation::Observation;
 use crate::process::{Process, Stored};
 
 /// A second in the numbers of runs, which count the starts of a module below that.
 const CLOCK_SECOND: u64 = 1_000_000;
+
+/// Until others know that a participant has left.
+const DEPARTURE: Duration = Duration::from_millis(20);
 
 impl Cluster {
     /// Delays the start of a module's process until `at`. To be called before the first step.
@@ -313,6 +317,7 @@ impl Cluster {
 
     /// Ends the run of a process whose clock stood still, and begins another with all that it knows.
     pub(super) fn begin_run(&mut self, module: ModuleId) {
+        self.depart(module);
         let Some(mut process) = self.end_process(module) else {
             return;
         };
@@ -325,6 +330,22 @@ impl Cluster {
             body.incarnation = body.incarnation.max(incarnation);
         }
         self.schedule.add(self.now(), Happening::Start(module));
+    }
+
+    /// The participant of a module leaves the graph, and tells all whom it reaches.
+    fn depart(&mut self, module: ModuleId) {
+        let from = Participant::Module(module);
+        let source = self.source_of(from);
+        let readers = self.processes.keys().copied();
+        let reached = readers
+            .filter(|&reader| reader != module && self.transport.network.connects(from, reader));
+        let runs: Vec<ModuleRun> = reached
+            .filter_map(|reader| self.process_run_of(reader))
+            .collect();
+        let at = self.now() + DEPARTURE;
+        for run in runs {
+            self.schedule.add(at, Happening::Departed(run, source));
+        }
     }
 
     /// Cuts these modules off from all others.

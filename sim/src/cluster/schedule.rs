@@ -17,6 +17,8 @@ pub(super) enum Happening {
     /// The store of a module holds its state of this number.
     Persisted(ModuleRun, u64),
     Computed(ModuleRun, Arc<ComputedPlan>),
+    /// A run of a process learns that this participant has left.
+    Departed(ModuleRun, SourceId),
     /// The ports of a module have let go of another.
     Undocked(ModuleRun, ModuleId),
 }
