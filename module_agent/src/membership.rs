@@ -41,7 +41,9 @@ impl MembershipRequest {
                 host.answer(move || reply(outcome.into()));
             }
             Self::Push(Call { request, reply }) => {
-                let outcome = host.push_once(request.order, |host| push(host, size, now, request));
+                let outcome = host.push_once((request.module_id, request.order), |host| {
+                    push(host, size, now, request)
+                });
                 reply(logged(request.module_id, outcome).into());
             }
         }
@@ -201,7 +203,7 @@ mod tests {
                 y: 0.0,
                 order,
             };
-            let answer = host.push_once(order, |host| push(host, METRE, NOW, request));
+            let answer = host.push_once((4, order), |host| push(host, METRE, NOW, request));
             assert_eq!(answer, Ok("module 4 was pushed".to_owned()));
             host.poses()[&ModuleId(4)].map(|pose| pose.x.to_units())
         };

@@ -149,7 +149,7 @@ impl DdsGraph {
 
     /// A subscribed topic that a participant publishes which was lost and is back. Who publishes nothing to this process may be lost for it.
     fn topic_of_returned(&self) -> Option<String> {
-        let returned = self.events.returned();
+        let returned = self.events.take_returned();
         if returned.is_empty() {
             return None;
         }

@@ -13,6 +13,9 @@ use rustdds::{
 use crate::returned_participants::ReturnedParticipants;
 use crate::subscription::ParticipantId;
 
+/// The first bytes of each identifier of RustDDS, as its vendor's number says.
+const RUST_DDS: [u8; 2] = [0x01, 0x12];
+
 /// So many that have left are kept for a program that does not ask.
 const DEPARTED_MAX: usize = 1_024;
 
@@ -60,9 +63,12 @@ impl ParticipantEvents {
                     state.returned.note_discovered(Instant::now(), id);
                 }
                 DomainParticipantStatusEvent::ParticipantLost { id, reason } => {
+                    // Others with shorter leases, which are lost on a poor link again and again, are not worth a halt.
+                    let is_rust_dds = id.as_ref().starts_with(&RUST_DDS);
                     let id = ParticipantId::of_prefix(id.as_ref());
                     match reason {
-                        LostReason::Timeout { .. } => state.returned.note_lost(id),
+                        LostReason::Timeout { .. } if is_rust_dds => state.returned.note_lost(id),
+                        LostReason::Timeout { .. } => {}
                         LostReason::Disposed => {
                             state.returned.note_left(id);
                             if state.departed.len() >= DEPARTED_MAX {
@@ -82,10 +88,10 @@ impl ParticipantEvents {
         self.0.borrow_mut().departed.drain(..).collect()
     }
 
-    /// The participants that were lost, came back, and have stayed.
-    pub(crate) fn returned(&self) -> BTreeSet<ParticipantId> {
+    /// The participants that were lost, came back, and have stayed, each once.
+    pub(crate) fn take_returned(&self) -> BTreeSet<ParticipantId> {
         self.update();
-        self.0.borrow().returned.stayed(Instant::now()).collect()
+        self.0.borrow_mut().returned.take_stayed(Instant::now())
     }
 
     /// Whether a writer of this process has matched one of another participant.

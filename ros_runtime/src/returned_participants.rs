@@ -25,9 +25,10 @@ impl ReturnedParticipants {
     /// The lease of a participant ran out.
     pub(crate) fn note_lost(&mut self, participant: ParticipantId) {
         self.back.remove(&participant);
-        if self.lost.len() < LOST_MAX {
-            self.lost.insert(participant);
+        if self.lost.len() >= LOST_MAX {
+            self.lost.pop_first();
         }
+        self.lost.insert(participant);
     }
 
     /// A participant has left the graph by itself.
@@ -43,14 +44,13 @@ impl ReturnedParticipants {
         }
     }
 
-    /// The participants that came back and have stayed.
-    pub(crate) fn stayed(&self, now: Instant) -> impl Iterator<Item = ParticipantId> {
-        let stayed =
-            move |&(_, &since): &(_, &Instant)| now.saturating_duration_since(since) >= GRACE;
-        self.back
-            .iter()
-            .filter(stayed)
-            .map(|(&participant, _)| participant)
+    /// The participants that came back and have stayed, each once.
+    pub(crate) fn take_stayed(&mut self, now: Instant) -> BTreeSet<ParticipantId> {
+        let stays = |since: &Instant| now.saturating_duration_since(*since) >= GRACE;
+        let stayed = self.back.iter().filter(|(_, since)| stays(since));
+        let stayed = stayed.map(|(&participant, _)| participant).collect();
+        self.back.retain(|_, since| !stays(since));
+        stayed
     }
 }
 
@@ -71,13 +71,9 @@ mod tests {
         participants.note_lost(ONE);
         participants.note_discovered(at(100), ONE);
         participants.note_discovered(at(200), OTHER);
-        let stayed = |participants: &ReturnedParticipants, ms| {
-            participants.stayed(at(ms)).collect::<Vec<_>>()
-        };
-        assert_eq!(stayed(&participants, 3_099), []);
-        assert_eq!(stayed(&participants, 3_100), [ONE]);
-        participants.note_left(ONE);
-        assert_eq!(stayed(&participants, 9_000), []);
+        assert_eq!(participants.take_stayed(at(3_099)), BTreeSet::new());
+        assert_eq!(participants.take_stayed(at(3_100)), BTreeSet::from([ONE]));
+        assert_eq!(participants.take_stayed(at(9_000)), BTreeSet::new());
     }
 
     #[test]
@@ -88,10 +84,10 @@ mod tests {
         participants.note_discovered(start, ONE);
         participants.note_left(ONE);
         participants.note_discovered(start, ONE);
-        assert_eq!(participants.stayed(start + GRACE).count(), 0);
+        assert!(participants.take_stayed(start + GRACE).is_empty());
         participants.note_lost(OTHER);
         participants.note_left(OTHER);
         participants.note_discovered(start, OTHER);
-        assert_eq!(participants.stayed(start + GRACE).count(), 0);
+        assert!(participants.take_stayed(start + GRACE).is_empty());
     }
 }

@@ -120,8 +120,8 @@ impl RosContext {
         Ok(self.queue(topic.name(), topic.quality(), sink))
     }
 
-    /// Publishes a latched topic whose late subscribers get the present sample, and none that it replaced. Changes that come sooner
-    /// than the middleware can take them wait, and a newer one takes the place of one that waits.
+    /// Publishes a latched topic whose late subscribers get the present sample, and none that it replaced, unless changes followed each
+    /// other within half a second. Over DDS tools show one more publisher, which writes the next change.
     ///
     /// # Errors
     /// The name cannot be used, or the library refuses.

@@ -1,7 +1,8 @@
 """Joins late, again and again: which samples of the latched topics `target` and `verdict` does each new participant get?
 
 Prints {"ready": true}. For each line of its input it makes a new participant, waits until both topics gave it a sample, and a second
-more, and prints `target`, the names of the targets that it got, and `verdict`, the stamps of the verdicts.
+more, and prints `target`, the names of the targets that it got, and `verdict`, the stamps of the verdicts; and in `volatile` the
+names of the targets since the last line that a volatile subscriber got, which is there from the start.
 
 Usage: late_joiner.py (fast | cyclone) DOMAIN
 """
@@ -34,56 +35,95 @@ def collect(poll):
             got[topic].append(said(topic, sample))
 
 
-def fast(domain):
-    import rclpy
-    from formation_msgs.msg import TargetConfiguration, Verdict
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.qos import DurabilityPolicy, QoSProfile
+class Fast:
+    """rclpy."""
 
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain)
-    node = rclpy.create_node("late_joiner", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    arrived = []
-    for topic, kind in zip(TOPICS, (TargetConfiguration, Verdict)):
-        quality = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(
-            kind, f"/formation/{topic}", lambda sample, topic=topic: arrived.append((topic, sample)), quality
-        )
+    def __init__(self, domain):
+        self.domain = domain
+        self.standing = self.join("standing", ("target",), volatile=True)
 
-    def poll():
-        executor.spin_once(timeout_sec=0.02)
+    def join(self, name, topics, volatile=False):
+        """A node of a participant of its own: its context, its executor, and the samples that it gets."""
+        import rclpy
+        from formation_msgs.msg import TargetConfiguration, Verdict
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        context = rclpy.Context()
+        rclpy.init(context=context, domain_id=self.domain)
+        node = rclpy.create_node(name, context=context)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        arrived = []
+        durability = DurabilityPolicy.VOLATILE if volatile else DurabilityPolicy.TRANSIENT_LOCAL
+        kinds = {"target": TargetConfiguration, "verdict": Verdict}
+        for topic in topics:
+            node.create_subscription(
+                kinds[topic],
+                f"/formation/{topic}",
+                lambda sample, topic=topic: arrived.append((topic, sample)),
+                QoSProfile(depth=100, durability=durability),
+            )
+        return context, node, executor, arrived
+
+    def taken(self, executor, arrived):
+        executor.spin_once(timeout_sec=0.01)
         new = arrived.copy()
         arrived.clear()
         return new
 
-    got = collect(poll)
-    node.destroy_node()
-    rclpy.shutdown(context=context)
-    return got
+    def volatile(self):
+        _, _, executor, arrived = self.standing
+        return self.taken(executor, arrived)
+
+    def late(self):
+        import rclpy
+
+        context, node, executor, arrived = self.join("late_joiner", TOPICS)
+        yield lambda: self.taken(executor, arrived)
+        node.destroy_node()
+        rclpy.shutdown(context=context)
 
 
-def cyclone(domain):
-    import formation_dds
+class Cyclone:
+    """CycloneDDS."""
 
-    session = formation_dds.Session(domain)
-    readers = {topic: session.reader(topic) for topic in TOPICS}
+    def __init__(self, domain):
+        import formation_dds
 
-    def poll():
-        time.sleep(0.02)
+        self.domain = domain
+        self.session = formation_dds.Session
+        self.standing = self.session(domain).other_reader("target", "formation_msgs/msg/TargetConfiguration")
+
+    def taken(self, readers):
+        time.sleep(0.01)
         return [
             (topic, sample) for topic, reader in readers.items() for sample in reader.take(N=64) if sample.sample_info.valid_data
         ]
 
-    return collect(poll)
+    def volatile(self):
+        return self.taken({"target": self.standing})
+
+    def late(self):
+        session = self.session(self.domain)
+        readers = {topic: session.reader(topic) for topic in TOPICS}
+        yield lambda: self.taken(readers)
 
 
 def main():
-    join, domain = {"fast": fast, "cyclone": cyclone}[sys.argv[1]], int(sys.argv[2])
+    vendor = {"fast": Fast, "cyclone": Cyclone}[sys.argv[1]](int(sys.argv[2]))
+    since_last = []
+
+    def poll(taken):
+        since_last.extend(said(topic, sample) for topic, sample in vendor.volatile())
+        return taken()
+
     print(json.dumps({"ready": True}), flush=True)
     for _ in sys.stdin:
-        print(json.dumps(join(domain)), flush=True)
+        for taken in vendor.late():
+            got = collect(lambda taken=taken: poll(taken))
+        print(json.dumps(got | {"volatile": since_last}), flush=True)
+        since_last.clear()
 
 
 main()

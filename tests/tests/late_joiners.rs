@@ -1,4 +1,5 @@
-//! Participants of other vendors that join right after the target and the verdict changed, and must get the present ones only.
+//! Participants of other vendors that join right after the target and the verdict changed, and must get the present ones only, and
+//! volatile subscribers, which must get each change.
 
 use formation_tests::{Domain, Rclpy, RosTool, Running};
 use serde_json::{Value, json};
@@ -45,6 +46,7 @@ fn gets_the_present_only(mut joiner: RosTool, domain: &str, rounds: u32) {
         let present = json!({
             "target": [goal["target"]["name"]],
             "verdict": [formed["result"]["verdict"]["header"]["stamp"]],
+            "volatile": [goal["target"]["name"]],
         });
         assert_eq!(got, present, "round {round}");
     }

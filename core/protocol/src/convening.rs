@@ -237,9 +237,7 @@ fn judge_members(
     if outside_since.is_none() && have_gone_on {
         return Ok(());
     }
-    if let Some(reason) = missing_members(roster, context) {
-        return Err(Some(reason));
-    }
+    judge_missing(roster, context)?;
     let apart = not_received(roster, context);
     if !apart.is_empty() {
         return Err(Some(EpochReason::NotReceived(apart)));
@@ -297,10 +295,12 @@ fn is_in_charge(run: ModuleRun, context: &Context) -> bool {
             })
 }
 
-/// The members that have restarted, or else those that are not live.
-fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
+/// The members that have restarted, or else those that are not live. Those that have left may come back at once with another run, so
+/// that they count once a lease has passed.
+/// Enforces M9.
+fn judge_missing(roster: &Roster, context: &mut Context) -> Result<(), Option<EpochReason>> {
     let liveness = context.liveness();
-    let (mut restarted, mut silent, mut left) = (Vec::new(), Vec::new(), 0);
+    let (mut restarted, mut silent, mut left_at) = (Vec::new(), Vec::new(), Vec::new());
     let others = others(roster, context).map(|member| (member.module.id, member.incarnation));
     for (module, incarnation, peer) in context.peers.along(others) {
         if peer.is_some_and(|peer| peer.has_replaced(incarnation)) {
@@ -308,17 +308,27 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
         }
         if !peer.is_some_and(|peer| liveness.includes(peer)) {
             silent.push(module);
-            left += usize::from(peer.is_some_and(|peer| peer.has_left));
+            left_at.extend(peer.and_then(|peer| peer.left_at));
         }
     }
     if !restarted.is_empty() {
-        return Some(EpochReason::Restarted(restarted));
+        return Err(Some(EpochReason::Restarted(restarted)));
     }
-    match silent.len() {
-        0 => None,
-        all if all == left => Some(EpochReason::Left(silent)),
-        _ => Some(EpochReason::Silent(silent)),
+    let Some(&last) = left_at.iter().max() else {
+        return match silent.is_empty() {
+            true => Ok(()),
+            false => Err(Some(EpochReason::Silent(silent))),
+        };
+    };
+    if left_at.len() < silent.len() {
+        return Err(Some(EpochReason::Silent(silent)));
     }
+    let due = last + context.parameters.lease;
+    if context.now < due {
+        context.wake_at(due);
+        return Err(None);
+    }
+    Err(Some(EpochReason::Left(silent)))
 }
 
 /// The members that another one does not receive.

@@ -172,7 +172,10 @@ impl Agent {
                 self.handle_command(command);
                 true
             }
-            Input::Departed(source) => self.context.peers.depart(source),
+            Input::Departed(source) => {
+                let now = self.context.now;
+                self.context.peers.depart(now, source)
+            }
             Input::Computed(computed) => self.context.plans.receive(computed),
             Input::Persisted(_) | Input::Timeout => true,
         };

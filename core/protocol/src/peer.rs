@@ -26,8 +26,8 @@ pub(super) struct Peer {
     pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
     pub source: Option<SourceId>,
-    /// Whether the participant that sends for it has left the graph, and nothing came from this run since.
-    pub has_left: bool,
+    /// When the participant that sends for it left the graph, unless a heartbeat of this run came that was sent later.
+    pub left_at: Option<Duration>,
     /// Whether its heartbeats show that it belongs to a session with other voters.
     pub has_other_voters: bool,
     /// When its latest heartbeat was sent, by this module's clock.
@@ -50,7 +50,7 @@ impl Peer {
             kept_clock: None,
             replaces: None,
             source,
-            has_left: false,
+            left_at: None,
             has_other_voters: false,
             alive_at: None,
             first_seen: now,
@@ -90,7 +90,7 @@ impl Peer {
 
     /// The age of the latest heartbeat; `None` without one, or if its participant has left since.
     pub fn age(&self, now: Duration) -> Option<Duration> {
-        let alive_at = self.alive_at.filter(|_| !self.has_left);
+        let alive_at = self.alive_at.filter(|_| self.left_at.is_none());
         alive_at.map(|at| now.saturating_sub(at))
     }
 
@@ -137,7 +137,7 @@ impl Peer {
     pub fn note_heartbeat(&mut self, heartbeat: Heartbeat, sent_at: Duration) {
         self.alive_at = Some(self.alive_at.map_or(sent_at, |at| at.max(sent_at)));
         self.heartbeat = Some(heartbeat);
-        self.has_left = false;
+        self.left_at = self.left_at.filter(|&left_at| sent_at <= left_at);
     }
 
     /// The modules that its latest heartbeat lists as not received.

@@ -152,7 +152,7 @@ impl Peers {
         self.shown
     }
 
-    /// Changes whenever a peer becomes known, restarts, or shows another epoch, digest or service, or that it misses or knows others;
+    /// Changes whenever a peer becomes known, restarts, leaves, or shows another epoch, digest or service, or that it misses or knows others;
     /// time changes only ages.
     pub fn version(&self) -> (u64, ShownChanges) {
         (self.changes, self.shown)
@@ -257,7 +257,7 @@ impl Peers {
             let silence = now.saturating_sub(peer.last_seen());
             // A process that goes on under a later number is no second one.
             let goes_on = source.is_some() && source == peer.source;
-            let is_free = goes_on || peer.has_left || silence > liveness.suspicion;
+            let is_free = goes_on || peer.left_at.is_some() || silence > liveness.suspicion;
             if !is_free {
                 return Err(Refusal::DuplicateModule);
             }
@@ -345,12 +345,12 @@ impl Peers {
 
     /// A participant has left the graph: the modules for which it sends are silent from now on. Returns whether there are any.
     /// Enforces M9.
-    pub fn depart(&mut self, source: SourceId) -> bool {
+    pub fn depart(&mut self, now: Duration, source: SourceId) -> bool {
         let mut is_any = false;
         let sent_for = self.peers.values_mut();
         for peer in sent_for.filter(|peer| peer.source == Some(source)) {
-            is_any |= !peer.has_left;
-            peer.has_left = true;
+            is_any |= peer.left_at.is_none();
+            peer.left_at = Some(now);
         }
         self.changes += u64::from(is_any);
         is_any

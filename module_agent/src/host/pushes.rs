@@ -20,8 +20,8 @@ const SLACK: MicroUnits = MicroUnits(MICRO_PER_UNIT / 4);
 pub(super) struct Pushes {
     /// Where the modules were, in the frame of the module that is docked to them, while both ends named the link.
     docked: BTreeMap<(ModuleId, ModuleId), (f64, f64)>,
-    /// The order of the last push, and the answer to it.
-    last: Option<(u64, Result<String, String>)>,
+    /// The module and the order of the last push, and the answer to it.
+    last: Option<((u32, u64), Result<String, String>)>,
 }
 
 /// Where a pose is in the frame of another one, in units.
@@ -96,10 +96,10 @@ impl Host {
         Ok(torn_off)
     }
 
-    /// Answers an order to push as it was answered, if it is the last one that came, else by `push`. A request may arrive more than once.
+    /// Answers an order to push a module as it was answered, if it is the last one that came, else by `push`. A request may arrive more than once.
     pub(crate) fn push_once(
         &mut self,
-        order: u64,
+        order: (u32, u64),
         push: impl FnOnce(&mut Self) -> Result<String, String>,
     ) -> Result<String, String> {
         if let Some((last, answer)) = &self.pushes.last
@@ -108,7 +108,7 @@ impl Host {
             return answer.clone();
         }
         let answer = push(self);
-        self.pushes.last = (order != 0).then(|| (order, answer.clone()));
+        self.pushes.last = (order.1 != 0).then(|| (order, answer.clone()));
         answer
     }
 
