@@ -1,7 +1,7 @@
 """Joins late, again and again: which samples of the latched topics `target` and `verdict` does each new participant get?
 
-Prints {"ready": true}. For each line of its input it makes a new participant, waits until both topics gave it a sample, and a second
-more, and prints `target`, the names of the targets that it got, and `verdict`, the stamps of the verdicts; and in `volatile` the
+Prints {"ready": true}. For each line of its input it makes a new participant, waits until both topics gave it a sample, and a
+second more. It prints `target`, the names of the targets that it got, `verdict`, the stamps of the verdicts, and `volatile`, the
 names of the targets since the last line that a volatile subscriber got, which is there from the start.
 
 Usage: late_joiner.py (fast | cyclone) DOMAIN
