@@ -150,9 +150,8 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
 
 #[cfg(test)]
 mod tests {
-    use formation_model::{Heartbeat, Incarnation, Message, Pose, SourceId, Stop};
+    use formation_model::{Heartbeat, Incarnation, Message, Pose, SourceId};
     use formation_protocol::AgentParameters;
-    use std::sync::Arc;
 
     use super::*;
     use crate::arguments::{DriveMode, Motion};
@@ -254,20 +253,8 @@ mod tests {
     fn a_module_that_is_live_elsewhere_is_not_added_until_it_is_silent() {
         let mut host = host(&Motion::default());
         let heartbeat = Heartbeat {
-            knows: true,
-            voters: 0,
-            module: ModuleId(9),
-            incarnation: Incarnation(7),
-            sequence: 1,
             uptime: Duration::from_secs(1),
-            epoch: None,
-            digest: None,
-            digest_since: 0,
-            applied_turns: 0,
-            steps_done: 0,
-            phase: ModulePhase::Listening,
-            stop: Stop::default(),
-            misses: Arc::default(),
+            ..Heartbeat::first(ModuleId(9).run(Incarnation(7)))
         };
         host.take_message(SourceId(2), Message::Heartbeat(heartbeat));
         host.advance(NOW);

@@ -283,7 +283,7 @@ fn accepted_verdict(verdict: Verdict, ours: SessionId) -> Result<Verdict, String
 
 #[cfg(test)]
 mod tests {
-    use formation_model::{Incarnation, ModuleId, ModulePhase, Stop};
+    use formation_model::{Incarnation, ModuleId};
 
     use super::*;
 
@@ -313,20 +313,8 @@ mod tests {
 
     fn heartbeat(module: u32) -> formation_model::Heartbeat {
         formation_model::Heartbeat {
-            knows: true,
-            voters: 0,
-            module: ModuleId(module),
-            incarnation: Incarnation(1),
-            sequence: 1,
             uptime: Duration::from_secs(1),
-            epoch: None,
-            digest: None,
-            digest_since: 0,
-            applied_turns: 0,
-            steps_done: 0,
-            phase: ModulePhase::Listening,
-            stop: Stop::default(),
-            misses: Arc::default(),
+            ..formation_model::Heartbeat::first(ModuleId(module).run(Incarnation(1)))
         }
     }
 

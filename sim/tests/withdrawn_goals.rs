@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use formation_model::{
     Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Pose, Scenario,
-    SourceId, SpotId, Stop, TargetAnnouncement,
+    SourceId, SpotId, TargetAnnouncement,
 };
 use formation_motion::MotionReport;
 use formation_protocol::{Agent, AgentParameters, Identity, Input, Mutation, Output};
@@ -120,20 +120,10 @@ fn pin_after_a_withdrawn_goal(mutation: Option<Mutation>) -> Option<SpotId> {
         incarnation: Incarnation(1),
     };
     let heartbeat = Heartbeat {
-        module: run.module,
-        incarnation: run.incarnation,
-        knows: true,
-        voters: 0,
-        sequence: 1,
         uptime: module.now,
         epoch,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
         phase: ModulePhase::Spare,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(run)
     };
     let state = ModuleState::standing(run, Pose::default());
     module.handle(vec![

@@ -427,9 +427,6 @@ fn judge_stop(
 mod tests {
     use std::cell::RefCell;
     use std::rc::Rc;
-    use std::sync::Arc;
-
-    use formation_model::ModulePhase;
 
     use super::*;
 
@@ -446,23 +443,12 @@ mod tests {
 
     fn heartbeat_of(module: u32, revision: u64) -> Heartbeat {
         Heartbeat {
-            module: ModuleId(module),
-            incarnation: Incarnation(1),
-            knows: true,
-            voters: 0,
             sequence: revision,
-            uptime: Duration::ZERO,
-            epoch: None,
-            digest: None,
-            digest_since: 0,
-            misses: Arc::default(),
-            applied_turns: 0,
-            steps_done: 0,
-            phase: ModulePhase::Listening,
             stop: Stop {
                 revision,
                 stopped: revision > 0,
             },
+            ..Heartbeat::first(ModuleId(module).run(Incarnation(1)))
         }
     }
 

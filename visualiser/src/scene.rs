@@ -180,7 +180,7 @@ pub(crate) mod tests {
     use formation_model::{
         ClosedRoster, Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase,
         ModuleRun, ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SpotClaim,
-        SpotSelection, Stop, TargetAnnouncement, Voters,
+        SpotSelection, TargetAnnouncement, Voters,
     };
 
     use super::*;
@@ -353,20 +353,9 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
         assert!(!figure(&scene, 2).is_live);
         scene.was_drawn();
         let beat = Heartbeat {
-            knows: true,
-            voters: 0,
-            module: ModuleId(2),
-            incarnation: Incarnation(1),
             sequence: 2,
-            uptime: Duration::ZERO,
-            epoch: None,
-            digest: None,
-            digest_since: 0,
-            applied_turns: 0,
-            steps_done: 0,
             phase: ModulePhase::Moving,
-            stop: Stop::default(),
-            misses: Arc::default(),
+            ..Heartbeat::first(ModuleId(2).run(Incarnation(1)))
         };
         scene.handle(Duration::from_secs(7), &Message::Heartbeat(beat));
         assert!(scene.has_changed());

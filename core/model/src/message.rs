@@ -302,6 +302,29 @@ pub struct Heartbeat {
     pub misses: Arc<[ModuleId]>,
 }
 
+impl Heartbeat {
+    /// The first heartbeat of the first run of a module: it is in no epoch, has forgotten nothing, and knows of no voters.
+    #[must_use]
+    pub fn first(run: ModuleRun) -> Self {
+        Self {
+            module: run.module,
+            incarnation: run.incarnation,
+            knows: true,
+            voters: 0,
+            sequence: 1,
+            uptime: Duration::ZERO,
+            epoch: None,
+            digest: None,
+            digest_since: 0,
+            applied_turns: 0,
+            steps_done: 0,
+            phase: ModulePhase::Listening,
+            stop: Stop::default(),
+            misses: Arc::default(),
+        }
+    }
+}
+
 /// A command to all modules to stand still, or to move again; the highest revision applies. Revision 0 stands for none.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,

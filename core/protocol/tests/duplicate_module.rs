@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use formation_model::{
     BodyReport, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose,
-    STAMP_AHEAD_MAX, Scenario, SourceId, Stop, TargetAnnouncement, Whereabouts,
+    STAMP_AHEAD_MAX, Scenario, SourceId, TargetAnnouncement, Whereabouts,
 };
 use formation_protocol::{Agent, AgentParameters, Identity, Input, Output};
 
@@ -129,20 +129,9 @@ fn heartbeat_of(incarnation: u64) -> Message {
 
 fn heartbeat(incarnation: u64) -> Heartbeat {
     Heartbeat {
-        knows: true,
-        voters: 0,
-        module: ModuleId(4),
-        incarnation: Incarnation(incarnation),
         sequence: 100,
         uptime: at(500),
-        epoch: None,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
-        phase: ModulePhase::Listening,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(ModuleId(4).run(Incarnation(incarnation)))
     }
 }
 
@@ -254,20 +243,10 @@ fn what_is_plausible_follows_the_clock_and_not_the_number_of_the_run() {
 /// A heartbeat of module 5 from a participant.
 fn beat_of_fifth(incarnation: u64, sequence: u64, source: SourceId) -> Input {
     let message = Message::Heartbeat(Heartbeat {
-        module: ModuleId(5),
-        incarnation: Incarnation(incarnation),
         knows: false,
-        voters: 0,
         sequence,
         uptime: Duration::from_millis(500 * sequence),
-        epoch: None,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
-        phase: ModulePhase::Listening,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(ModuleId(5).run(Incarnation(incarnation)))
     });
     Input::Message {
         source: Some(source),

@@ -3,12 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{
-    Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, Pose, Removal, Stop,
-};
+use formation_model::{Heartbeat, Incarnation, Message, ModuleId, ModuleRun, Pose, Removal};
 use formation_protocol::{Agent, AgentParameters, Event, Identity, Input, Output, Refusal};
 
 const OTHER: ModuleRun = ModuleRun {
@@ -48,20 +45,9 @@ fn handle(agent: &mut Agent, second: u64, message: Message) -> Vec<Event> {
 /// A heartbeat of the other module, sent at this second.
 fn heartbeat(sent_at: u64) -> Message {
     Message::Heartbeat(Heartbeat {
-        module: OTHER.module,
-        incarnation: OTHER.incarnation,
-        knows: true,
-        voters: 0,
         sequence: sent_at,
         uptime: Duration::from_secs(sent_at),
-        epoch: None,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
-        phase: ModulePhase::Listening,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(OTHER)
     })
 }
 

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use formation_model::{
     Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Pose,
-    RosterMessage, Scenario, Stop, TargetAnnouncement,
+    RosterMessage, Scenario, TargetAnnouncement,
 };
 use formation_protocol::{Agent, AgentParameters, Identity, Input, Output};
 
@@ -57,20 +57,11 @@ fn frozen(half: u32, epoch: Option<Epoch>) -> [Message; 2] {
         ModulePhase::Listening
     };
     let heartbeat = Heartbeat {
-        module: OTHER.module,
-        incarnation: OTHER.incarnation,
-        knows: true,
-        voters: 0,
         sequence: u64::from(half),
         uptime: HALF * half,
         epoch,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
         phase,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(OTHER)
     };
     let state = ModuleState {
         knows: true,

@@ -60,12 +60,10 @@ impl Host {
 mod tests {
     use std::cell::RefCell;
     use std::rc::Rc;
-    use std::sync::Arc;
+
     use std::time::Duration;
 
-    use formation_model::{
-        Heartbeat, Incarnation, ModuleId, ModulePhase, Pose, Service, SourceId, Stop,
-    };
+    use formation_model::{Heartbeat, Incarnation, ModuleId, Pose, Service, SourceId};
     use formation_node_support::removal_requests::Requests;
     use formation_protocol::AgentParameters;
     use ros_runtime::service::Call;
@@ -78,20 +76,9 @@ mod tests {
 
     fn heartbeat(module: u32, sequence: u64) -> Message {
         Message::Heartbeat(Heartbeat {
-            module: ModuleId(module),
-            incarnation: Incarnation(7),
-            knows: true,
-            voters: 0,
             sequence,
             uptime: SECOND * u32::try_from(sequence).unwrap(),
-            epoch: None,
-            digest: None,
-            digest_since: 0,
-            applied_turns: 0,
-            steps_done: 0,
-            phase: ModulePhase::Listening,
-            stop: Stop::default(),
-            misses: Arc::default(),
+            ..Heartbeat::first(ModuleId(module).run(Incarnation(7)))
         })
     }
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    ClosedRoster, Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase,
-    ModuleRun, Removal, Roster, RosterMessage, SpotClaim, Stop, Voters,
+    ClosedRoster, Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModuleRun, Removal,
+    Roster, RosterMessage, SpotClaim, Stop, Voters,
 };
 use formation_motion::MotionReport;
 use formation_protocol::{Command, Identity, Input};
@@ -156,20 +156,10 @@ impl Cluster {
     /// A participant that is no module sends a heartbeat as this run, which takes part in nothing yet.
     pub fn forge_heartbeat(&mut self, run: ModuleRun, sequence: u64, epoch: Option<Epoch>) {
         self.inject(&Message::Heartbeat(Heartbeat {
-            module: run.module,
-            incarnation: run.incarnation,
-            knows: true,
-            voters: 0,
             sequence,
             uptime: Duration::from_secs(sequence),
             epoch,
-            digest: None,
-            digest_since: 0,
-            applied_turns: 0,
-            steps_done: 0,
-            phase: ModulePhase::Listening,
-            stop: Stop::default(),
-            misses: Arc::default(),
+            ..Heartbeat::first(run)
         }));
     }
 

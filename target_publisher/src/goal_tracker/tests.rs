@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use formation_model::{
     Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, Roster, RosterMember, RosterMessage,
-    Scenario, Service, Stop, TargetAnnouncement, Voters,
+    Scenario, Service, TargetAnnouncement, Voters,
 };
 
 use super::*;
@@ -66,20 +66,10 @@ fn ended(tracker: &mut GoalTracker<u32>, now: Duration) -> Option<(GoalStatusEnu
 
 fn beat(tracker: &mut GoalTracker<u32>, now: Duration, module: u32, phase: ModulePhase) {
     let heartbeat = Heartbeat {
-        knows: true,
-        voters: 0,
-        module: ModuleId(module),
-        incarnation: Incarnation(1),
         sequence: u64::try_from(now.as_millis()).unwrap(),
         uptime: now,
-        epoch: None,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
         phase,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(ModuleId(module).run(Incarnation(1)))
     };
     tracker.handle_message(now, &Message::Heartbeat(heartbeat));
 }

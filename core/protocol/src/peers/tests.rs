@@ -1,5 +1,4 @@
 use super::*;
-use formation_model::Stop;
 
 fn at(seconds: u64) -> Liveness {
     Liveness {
@@ -12,20 +11,9 @@ fn at(seconds: u64) -> Liveness {
 
 fn heartbeat(incarnation: u64, sequence: u64, uptime_s: u64) -> Heartbeat {
     Heartbeat {
-        module: ModuleId(1),
-        incarnation: Incarnation(incarnation),
-        knows: true,
-        voters: 0,
         sequence,
         uptime: Duration::from_secs(uptime_s),
-        epoch: None,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
-        phase: ModulePhase::Listening,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(ModuleId(1).run(Incarnation(incarnation)))
     }
 }
 

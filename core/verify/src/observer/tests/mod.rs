@@ -190,20 +190,14 @@ fn good_claims() -> Vec<SpotClaim> {
 
 fn heartbeat(module: u32, sequence: u64, digest_since: u64) -> Heartbeat {
     Heartbeat {
-        knows: true,
-        voters: 0,
-        module: ModuleId(module),
-        incarnation: INCARNATION,
         sequence,
         uptime: Duration::from_secs(1),
         epoch: Some(EPOCH),
         digest: Some(PLAN),
         digest_since,
         applied_turns: 4,
-        steps_done: 0,
         phase: ModulePhase::Agreeing,
-        stop: Stop::default(),
-        misses: Arc::default(),
+        ..Heartbeat::first(ModuleId(module).run(INCARNATION))
     }
 }
 
