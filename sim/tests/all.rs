@@ -9,6 +9,7 @@
 
 mod agreement_model;
 mod carried;
+mod departures;
 mod exits;
 mod faults;
 mod forming;

@@ -71,7 +71,7 @@ impl ModuleOrder {
         }
     }
 
-    /// Asks one process; `order` is the number under which the process carries out a push once. Returns what it answers: what it did, or why it did nothing.
+    /// Asks one process, which carries out a push of one `order` once. Returns what it answers: what it did, or why it did nothing.
     fn call(
         self,
         ros: &mut RosContext,
@@ -122,6 +122,7 @@ pub(crate) fn ask(
     let own_node = format!("/module_{}/{service}", module.0);
     let deadline = Instant::now() + PATIENCE;
     let mut refusals: BTreeMap<String, String> = BTreeMap::new();
+    // The same in each repetition, and another one in the next call.
     let number = stamp::incarnation().0;
     while stop.is_empty() && Instant::now() < deadline {
         let mut services: Vec<String> = ros.services_named(service)?.into_iter().collect();

@@ -314,15 +314,16 @@ fn judge_missing(roster: &Roster, context: &mut Context) -> Result<(), Option<Ep
     if !restarted.is_empty() {
         return Err(Some(EpochReason::Restarted(restarted)));
     }
-    let Some(&last) = left_at.iter().max() else {
-        return match silent.is_empty() {
-            true => Ok(()),
-            false => Err(Some(EpochReason::Silent(silent))),
-        };
-    };
-    if left_at.len() < silent.len() {
-        return Err(Some(EpochReason::Silent(silent)));
+    if silent.is_empty() {
+        return Ok(());
     }
+    let last = left_at
+        .iter()
+        .max()
+        .filter(|_| left_at.len() == silent.len());
+    let Some(&last) = last else {
+        return Err(Some(EpochReason::Silent(silent)));
+    };
     let due = last + context.parameters.lease;
     if context.now < due {
         context.wake_at(due);

@@ -152,8 +152,8 @@ impl Peers {
         self.shown
     }
 
-    /// Changes whenever a peer becomes known, restarts, leaves, or shows another epoch, digest or service, or that it misses or knows others;
-    /// time changes only ages.
+    /// Changes whenever a peer becomes known, restarts, leaves, or shows another epoch, digest or service, or that it misses or knows
+    /// others; time changes only ages.
     pub fn version(&self) -> (u64, ShownChanges) {
         (self.changes, self.shown)
     }

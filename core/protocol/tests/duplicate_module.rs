@@ -243,7 +243,6 @@ fn what_is_plausible_follows_the_clock_and_not_the_number_of_the_run() {
 /// A heartbeat of module 5 from a participant.
 fn beat_of_fifth(incarnation: u64, sequence: u64, source: SourceId) -> Input {
     let message = Message::Heartbeat(Heartbeat {
-        knows: false,
         sequence,
         uptime: Duration::from_millis(500 * sequence),
         ..Heartbeat::first(ModuleId(5).run(Incarnation(incarnation)))
@@ -280,11 +279,14 @@ fn who_was_said_to_have_left_and_sends_is_live() {
     let source = SourceId(1);
     let is_live = |agent: &Agent| agent.living_peers().contains_key(&ModuleId(5));
     agent.handle(at(1), beat_of_fifth(10, 1, source));
-    agent.handle(at(1), Input::Departed(source));
+    agent.handle(at(2), Input::Departed(source));
     assert!(!is_live(&agent));
+    // Sent before it left, and received afterwards.
     agent.handle(at(2), beat_of_fifth(10, 2, source));
+    assert!(!is_live(&agent));
+    agent.handle(at(3), beat_of_fifth(10, 5, source));
     assert!(is_live(&agent));
-    agent.handle(at(2), beat_of_fifth(20, 1, SourceId(2)));
+    agent.handle(at(3), beat_of_fifth(20, 1, SourceId(2)));
     assert_eq!(
         agent.refusals().total(),
         1,

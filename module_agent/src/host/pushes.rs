@@ -96,7 +96,8 @@ impl Host {
         Ok(torn_off)
     }
 
-    /// Answers an order to push a module as it was answered, if it is the last one that came, else by `push`. A request may arrive more than once.
+    /// Answers an order to push a module as it was answered, if it is the last one that came, else by `push`: a request may arrive more
+    /// than once.
     pub(crate) fn push_once(
         &mut self,
         order: (u32, u64),

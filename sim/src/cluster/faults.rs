@@ -187,6 +187,12 @@ impl Cluster {
         }
     }
 
+    /// Ends a module's process in order: it tells that it leaves the graph.
+    pub fn leave(&mut self, module: ModuleId) {
+        self.depart(module);
+        self.crash(module);
+    }
+
     /// Ends a module's process without warning; its body stays, halted and docked as it is.
     pub fn crash(&mut self, module: ModuleId) {
         let Some(mut process) = self.end_process(module) else {
