@@ -1,7 +1,6 @@
 //! The modules that one process hosts: their agents, their drives, and what they publish together.
 
 mod events;
-mod handled_states;
 mod pushes;
 mod removals;
 
@@ -17,7 +16,7 @@ use formation_motion::DriveCommand;
 use formation_node_support::{stamp, topics};
 use formation_protocol::{
     Agent, AgentParameters, Command, ComputedPlan, DurableState, Identity, Input, Output, PlanJob,
-    RefusalCounts, SharedPlans,
+    Received, RefusalCounts, Replica, SharedPlans,
 };
 use ros_runtime::diagnostics::Report;
 
@@ -26,14 +25,13 @@ use crate::drive::Drive;
 use crate::drivers::DriverMessage;
 use crate::journal::{Journal, KeptMemory, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
-use handled_states::HandledStates;
 use pushes::Pushes;
 pub(crate) use removals::REMOVE_MODULE;
 
 /// What the process has to publish.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Outgoing {
-    /// The latest state of every hosted module.
+    /// Latest states of hosted modules: those that are new, or all.
     ModuleStates(Vec<Arc<ModuleState>>),
     /// The heartbeats that fell due together, at most one a module.
     Heartbeats(Vec<Heartbeat>),
@@ -49,18 +47,9 @@ pub(crate) enum Outgoing {
     Drive(ModuleId, DriveCommand),
 }
 
-/// A message that the hosted modules are to handle.
-struct Arrived {
-    source: SourceId,
-    /// The index of the hosted module that sent it, if one did.
-    sender: Option<usize>,
-    message: Message,
-}
-
 /// One hosted module.
 struct Hosted {
     identity: Identity,
-    agent: Agent,
     drive: Drive,
     /// The path that its driver knows.
     path: Vec<Pose>,
@@ -90,13 +79,18 @@ pub(crate) struct Host {
     /// How many modules can be hosted.
     room: usize,
     modules: Vec<Hosted>,
+    /// The agents of these modules, by the same index.
+    replica: Replica,
     plans: SharedPlans,
     /// `None` if what the modules agree on ends with the process.
     journal: Option<Journal>,
     /// Messages from other processes, and from hosted modules to each other, until the modules handle them together.
-    arrived: Vec<Arrived>,
-    handled_states: HandledStates,
+    arrived: Vec<Received>,
     outgoing: Vec<Outgoing>,
+    /// The time, as it was last told.
+    now: Duration,
+    /// When a sample of all states is due, as the last one lists only those that were new. A late subscriber gets the last one.
+    all_states_due: Option<Duration>,
     /// For how long the clock stood still, if the modules have found that it did: new runs are to begin.
     stood_still: Option<Duration>,
     pushes: Pushes,
@@ -126,11 +120,13 @@ impl Host {
             voters: voters.to_vec(),
             room: 0,
             modules: Vec::new(),
+            replica: Replica::default(),
             plans: SharedPlans::default(),
             journal,
             arrived: Vec::new(),
-            handled_states: HandledStates::default(),
             outgoing: Vec::new(),
+            now: Duration::ZERO,
+            all_states_due: None,
             stood_still: None,
             pushes: Pushes::default(),
             evictions: Vec::new(),
@@ -162,10 +158,10 @@ impl Host {
         let journal = self.journal.as_ref();
         let stored = journal.and_then(|journal| journal.state_of(identity.module));
         agent = agent.restored(stored.or(earlier));
+        self.replica.add(now, agent);
         self.modules.push(Hosted {
             drive: Drive::new(&identity, &self.motion, self.parameters.lease),
             identity,
-            agent,
             path: Vec::new(),
             state: None,
             state_is_new: false,
@@ -199,27 +195,21 @@ impl Host {
         if let Some(journal) = &mut self.journal {
             journal.add(&mut identity)?;
         }
-        let missed = self.latched_snapshot(identity.module);
+        // Alone, a module receives none of its own messages, which the newcomer is to know.
+        if let [first] = &self.modules[..] {
+            let state = first.state.iter().cloned().map(Message::ModuleState);
+            let received = state.map(|message| Received {
+                source: Some(self.source),
+                sender: Some(0),
+                message,
+            });
+            self.arrived.extend(received);
+        }
         let index = self.modules.len();
         self.push(now, identity, Service::Active, None);
-        self.pass_messages(index, now, missed);
+        self.carry_out(index, now);
+        self.pass_reports(index, now);
         Ok(())
-    }
-
-    /// The messages of the latched topics that a module has missed which is hosted from now on.
-    fn latched_snapshot(&self, newcomer: ModuleId) -> Vec<(Option<SourceId>, Message)> {
-        let Some(first) = self.modules.first() else {
-            return Vec::new();
-        };
-        let own = first.state.iter().cloned().map(Message::ModuleState);
-        own.map(|own| (Some(self.source), own))
-            .chain(first.agent.latched_snapshot())
-            .filter(|(_, message)| match message {
-                // The newcomer needs no state of its own earlier run.
-                Message::ModuleState(state) => state.module != newcomer,
-                _ => true,
-            })
-            .collect()
     }
 
     fn index_of(&self, module: ModuleId) -> Option<usize> {
@@ -236,34 +226,29 @@ impl Host {
 
     /// Whether a hosted module takes a spot when it can, and its phase; `None` for a module that is not hosted.
     pub(crate) fn status_of(&self, module: ModuleId) -> Option<(Service, ModulePhase)> {
-        let agent = &self.modules[self.index_of(module)?].agent;
+        let agent = &self.replica.agents()[self.index_of(module)?];
         Some((agent.service(), agent.phase()))
     }
 
     /// The hosted modules as they are now, for a host that takes them over.
     pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
-        let modules = self.modules.iter().map(|hosted| {
+        let modules = self.modules.iter().zip(self.replica.agents());
+        let modules = modules.map(|(hosted, agent)| {
             let identity = Identity {
-                incarnation: hosted.agent.run().incarnation,
-                pose: hosted.agent.pose(),
-                links: hosted.agent.links().clone(),
+                incarnation: agent.run().incarnation,
+                pose: agent.pose(),
+                links: agent.links().clone(),
                 ..hosted.identity.clone()
             };
-            (identity, hosted.agent.service())
+            (identity, agent.service())
         });
         modules.collect()
     }
 
-    /// Takes a message of another process, which every hosted module handles when time passes, unless it is a state that came
-    /// before.
+    /// Takes a message of another process, which the hosted modules handle when time passes.
     pub(crate) fn take_message(&mut self, source: SourceId, message: Message) {
-        if let Message::ModuleState(state) = &message
-            && !self.handled_states.note(source, state)
-        {
-            return;
-        }
-        self.arrived.push(Arrived {
-            source,
+        self.arrived.push(Received {
+            source: Some(source),
             sender: None,
             message,
         });
@@ -271,9 +256,8 @@ impl Host {
 
     /// A participant has left the graph, after all messages of it that were taken.
     pub(crate) fn handle_departed(&mut self, now: Duration, source: SourceId) {
-        for index in 0..self.modules.len() {
-            self.pass(index, now, Input::Departed(source));
-        }
+        self.replica.handle_departed(now, source);
+        self.carry_out_all(now);
     }
 
     /// Passes a message of a driver to its module.
@@ -291,14 +275,16 @@ impl Host {
 
     /// Lets time pass: the messages that have come, drives, and timeouts.
     pub(crate) fn advance(&mut self, now: Duration) {
+        self.now = now;
         // What the modules answer to each other waits for the next time, after what the network brings until then.
         let arrived = std::mem::take(&mut self.arrived);
         if !arrived.is_empty() {
-            for index in 0..self.modules.len() {
+            for (index, hosted) in self.modules.iter_mut().enumerate() {
                 let others = arrived.iter().filter(|one| one.sender != Some(index));
-                let messages = others.map(|one| (Some(one.source), one.message.clone()));
-                self.pass_messages(index, now, messages);
+                hosted.diagnostics.received += u64::try_from(others.count()).unwrap_or(u64::MAX);
             }
+            self.replica.handle_messages(now, arrived);
+            self.carry_out_all(now);
             self.open_torn_ports(now);
         }
         for index in 0..self.modules.len() {
@@ -310,7 +296,7 @@ impl Host {
                 self.modules[index].drive.advance(now);
                 self.pass_reports(index, now);
             }
-            if self.modules[index].agent.poll_timeout() <= now {
+            if self.replica.agents()[index].poll_timeout() <= now {
                 self.pass(index, now, Input::Timeout);
             }
         }
@@ -363,8 +349,9 @@ impl Host {
         if let Some(journal) = self.journal.take() {
             return KeptMemory::File(journal);
         }
-        let modules = self.modules.iter_mut();
-        let memories = modules.map(|hosted| (hosted.identity.module, hosted.agent.memory()));
+        let indices = 0..self.modules.len();
+        let memory = |agent: &mut Agent| (agent.module(), agent.memory());
+        let memories = indices.map(|index| self.replica.with(index, memory));
         KeptMemory::Process(memories.collect())
     }
 
@@ -373,9 +360,10 @@ impl Host {
         if !self.arrived.is_empty() {
             return Some(Duration::ZERO);
         }
-        let modules = self.modules.iter();
+        let modules = self.modules.iter().zip(self.replica.agents());
         modules
-            .flat_map(|hosted| [Some(hosted.agent.poll_timeout()), hosted.drive.due()])
+            .flat_map(|(hosted, agent)| [Some(agent.poll_timeout()), hosted.drive.due()])
+            .chain([self.all_states_due])
             .flatten()
             .min()
     }
@@ -390,7 +378,7 @@ impl Host {
         if !heartbeats.is_empty() {
             self.outgoing.push(Outgoing::Heartbeats(heartbeats));
         }
-        let mut phases = self.modules.iter().map(|hosted| hosted.agent.phase());
+        let mut phases = self.replica.agents().iter().map(Agent::phase);
         if !phases.any(|phase| phase == ModulePhase::Planning) {
             let evictions = std::mem::take(&mut self.evictions).into_iter();
             self.outgoing.extend(evictions.map(Outgoing::Eviction));
@@ -398,17 +386,33 @@ impl Host {
         std::mem::take(&mut self.outgoing)
     }
 
-    /// Makes one sample of the states, if any of them is new.
+    /// Makes one sample of the states that are new, and one of all when it is due.
     fn gather_states(&mut self) {
-        if !self.modules.iter().any(|hosted| hosted.state_is_new) {
-            return;
+        let modules = self.modules.iter_mut();
+        let new: Vec<Arc<ModuleState>> = modules
+            .filter_map(|hosted| {
+                let state = hosted.state.as_ref();
+                state
+                    .filter(|_| std::mem::take(&mut hosted.state_is_new))
+                    .cloned()
+            })
+            .collect();
+        let known = self
+            .modules
+            .iter()
+            .filter_map(|hosted| hosted.state.as_ref());
+        if new.len() == known.clone().count() {
+            self.all_states_due = None;
+        } else if !new.is_empty() {
+            let due = self.now + self.parameters.heartbeat;
+            self.all_states_due.get_or_insert(due);
         }
-        let states = self.modules.iter_mut().filter_map(|hosted| {
-            hosted.state_is_new = false;
-            hosted.state.clone()
-        });
-        let states = states.collect();
-        self.outgoing.push(Outgoing::ModuleStates(states));
+        let is_due = |due: &mut Duration| *due <= self.now;
+        let all = self.all_states_due.take_if(is_due).map(|_| known.cloned());
+        let all: Option<Vec<_>> = all.map(Iterator::collect);
+        let samples = [(!new.is_empty()).then_some(new), all];
+        let samples = samples.into_iter().flatten();
+        self.outgoing.extend(samples.map(Outgoing::ModuleStates));
     }
 
     /// Uses other parameters from now on.
@@ -421,9 +425,9 @@ impl Host {
         self.parameters = parameters;
         self.motion = motion;
         for index in 0..self.modules.len() {
-            let hosted = &mut self.modules[index];
-            hosted.agent.set_parameters(parameters);
-            hosted.drive.set_parameters(&self.motion);
+            let set = |agent: &mut Agent| agent.set_parameters(parameters);
+            self.replica.with(index, set);
+            self.modules[index].drive.set_parameters(&self.motion);
             // What is due may be due earlier now.
             self.pass(index, now, Input::Timeout);
         }
@@ -431,44 +435,37 @@ impl Host {
 
     /// The status of each hosted module.
     pub(crate) fn reports(&self, now: Duration) -> Vec<Report> {
-        let report = |hosted: &Hosted| {
-            hosted
-                .diagnostics
-                .report(now, &hosted.agent, hosted.state.as_deref())
+        let modules = self.modules.iter().zip(self.replica.agents());
+        let report = |(hosted, agent): (&Hosted, &Agent)| {
+            let state = hosted.state.as_deref();
+            hosted.diagnostics.report(now, agent, state)
         };
-        self.modules.iter().map(report).collect()
-    }
-
-    fn pass_messages(
-        &mut self,
-        index: usize,
-        now: Duration,
-        messages: impl IntoIterator<Item = (Option<SourceId>, Message)>,
-    ) {
-        let Hosted {
-            agent, diagnostics, ..
-        } = &mut self.modules[index];
-        let count = |_: &(Option<SourceId>, Message)| diagnostics.received += 1;
-        agent.handle_messages(now, messages.into_iter().inspect(count));
-        self.carry_out(index, now);
-        self.pass_reports(index, now);
+        modules.map(report).collect()
     }
 
     fn pass(&mut self, index: usize, now: Duration, input: Input) {
-        self.modules[index].agent.handle(now, input);
+        self.replica.with(index, |agent| agent.handle(now, input));
         self.carry_out(index, now);
         self.pass_reports(index, now);
+    }
+
+    fn carry_out_all(&mut self, now: Duration) {
+        for index in 0..self.modules.len() {
+            self.carry_out(index, now);
+            self.pass_reports(index, now);
+        }
     }
 
     /// Passes the reports of a drive to its agent, until neither has anything for the other.
     fn pass_reports(&mut self, index: usize, now: Duration) {
         while let Some(report) = self.modules[index].drive.take_report() {
-            self.modules[index].agent.handle(now, Input::Motion(report));
+            let input = Input::Motion(report);
+            self.replica.with(index, |agent| agent.handle(now, input));
             self.carry_out(index, now);
         }
+        let agent = &self.replica.agents()[index];
         let Hosted {
             identity,
-            agent,
             drive,
             path,
             ..
@@ -489,12 +486,9 @@ impl Host {
 
     /// Carries out the outputs of an agent.
     fn carry_out(&mut self, index: usize, now: Duration) {
-        while let Some(output) = self.modules[index].agent.poll_output() {
+        while let Some(output) = self.replica.poll_output(index) {
             let Hosted {
-                identity,
-                agent,
-                drive,
-                ..
+                identity, drive, ..
             } = &mut self.modules[index];
             match output {
                 Output::Publish(message) => self.publish(index, message),
@@ -504,7 +498,8 @@ impl Host {
                 Output::Undock(other) => drive.ask(now, DockingAction::Undock, other),
                 Output::Compute(job) => {
                     if let Some(computed) = self.plans.ask(identity.module, job) {
-                        agent.handle(now, Input::Computed(computed));
+                        let input = Input::Computed(computed);
+                        self.replica.with(index, |agent| agent.handle(now, input));
                     }
                 }
                 Output::BeginRun { stood_still } => self.stood_still = Some(stood_still),
@@ -513,15 +508,14 @@ impl Host {
                     let journal = self.journal.as_mut();
                     debug_assert!(journal.is_some(), "only a module with a store gives to it");
                     if let Some(journal) = journal {
-                        journal.persist(agent.run(), number, *state);
+                        let run = self.replica.agents()[index].run();
+                        journal.persist(run, number, *state);
                     }
                 }
             }
         }
-        let Hosted {
-            agent, diagnostics, ..
-        } = &mut self.modules[index];
-        diagnostics.handle_phase(now, agent.phase());
+        let phase = self.replica.agents()[index].phase();
+        self.modules[index].diagnostics.handle_phase(now, phase);
     }
 
     fn publish(&mut self, index: usize, message: Message) {
@@ -553,8 +547,8 @@ impl Host {
             | Message::Removal(_) => return,
         }
         if self.modules.len() > 1 {
-            self.arrived.push(Arrived {
-                source: self.source,
+            self.arrived.push(Received {
+                source: Some(self.source),
                 sender: Some(index),
                 message,
             });
@@ -563,7 +557,7 @@ impl Host {
 
     /// How many messages of others each hosted module refused, by kind.
     pub(crate) fn refusals(&self) -> impl Iterator<Item = (ModuleId, &RefusalCounts)> {
-        let agents = self.modules.iter().map(|hosted| &hosted.agent);
+        let agents = self.replica.agents().iter();
         agents.map(|agent| (agent.module(), agent.refusals()))
     }
 }

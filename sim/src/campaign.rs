@@ -12,7 +12,7 @@ use formation_protocol::AgentParameters;
 use formation_verify::Violation as Breach;
 
 use crate::cluster::{Cluster, ClusterParameters, Stores};
-use crate::faults::{CarryMoment, Fault, FaultKind, ScheduledFault, draw};
+use crate::faults::{CarryMoment, Fault, FaultKind, ScheduledFault, draw, draw_processes};
 use crate::monitor::{BrokenInvariant, Monitor};
 use crate::network::NetworkParameters;
 use crate::observation::Observation;
@@ -35,6 +35,9 @@ const MEMORY_SEED: u64 = 0x6d65_6d6f_7279;
 
 /// Separates what the verifier receives from what the modules receive.
 const VERIFIER_SEED: u64 = 0x7665_7269_6679;
+
+/// Separates the draw of who shares a process from that of the scenario.
+const PROCESSES_SEED: u64 = 0x7072_6f63_6573;
 
 /// The parameters of every run of a campaign.
 #[derive(Clone)]
@@ -63,6 +66,8 @@ pub struct CampaignParameters {
     pub coasting: Option<Duration>,
     /// If set, hands take modules only at this moment.
     pub moment: Option<CarryMoment>,
+    /// Whether one to four modules share a process in half of the runs, or each has its own in all.
+    pub shared_processes: bool,
     /// Makes the agents.
     pub agents: AgentFactory,
 }
@@ -82,6 +87,7 @@ impl Default for CampaignParameters {
             plan_time_max: None,
             coasting: None,
             moment: None,
+            shared_processes: true,
             agents: AgentFactory::default(),
         }
     }
@@ -246,6 +252,13 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport
     let agents = parameters.agents.clone();
     let mut cluster =
         Cluster::of_agents(&problem, cluster_parameters, random.below(u64::MAX), agents);
+    let mut processes = Random::from_seed(seed ^ PROCESSES_SEED);
+    if parameters.shared_processes && processes.below(2) == 0 {
+        let has_store = |module| cluster_parameters.stores.has(module);
+        for process in draw_processes(&faults, &modules, has_store, &mut processes) {
+            cluster.host_together(&process);
+        }
+    }
     if parameters.transcripts {
         cluster.keep_transcript();
     }

@@ -4,6 +4,7 @@ mod churn;
 mod hands;
 mod hostile;
 mod hosts;
+mod processes;
 mod suspended;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,6 +15,8 @@ use std::time::Duration;
 use formation_generate::Random;
 use formation_model::{ModuleId, Stop};
 use formation_protocol::Command;
+
+pub(crate) use processes::draw_processes;
 
 use crate::network::duration_below;
 use crate::process::Way;

@@ -156,9 +156,8 @@ pub(crate) struct Stored {
     pub seen: BTreeSet<ModuleId>,
 }
 
-/// One module's process: its agent, its drive, and its clock.
+/// What the process of a module has for it: its drive, its clock and its inbox.
 pub(crate) struct Process {
-    pub agent: Agent,
     pub run: ModuleRun,
     pub clock: Clock,
     pub inbox: Inbox,

@@ -11,11 +11,13 @@ use formation_model::{
     SourceId, SpotId, TargetAnnouncement,
 };
 use formation_motion::MotionReport;
-use formation_protocol::{Agent, AgentParameters, Identity, Input, Mutation, Output};
+use formation_protocol::{
+    Agent, AgentParameters, Identity, Input, Mutation, Output, Received, Replica,
+};
 
 /// One module by itself, on the clock of the test.
 struct Alone {
-    agent: Agent,
+    replica: Replica,
     now: Duration,
     /// The spot in its last GATHERED state.
     pin: Option<SpotId>,
@@ -38,29 +40,34 @@ impl Alone {
             Some(mutation) => agent.mutated(mutation),
             None => agent,
         };
+        let mut replica = Replica::default();
+        replica.add(Duration::ZERO, agent);
         Self {
-            agent,
+            replica,
             now: Duration::ZERO,
             pin: None,
         }
     }
 
     fn handle(&mut self, messages: Vec<Message>) {
-        let with_source = |message| (Some(SourceId(7)), message);
-        let messages = messages.into_iter().map(with_source);
-        self.agent.handle_messages(self.now, messages);
+        let received = messages.into_iter().map(|message| Received {
+            source: Some(SourceId(7)),
+            sender: None,
+            message,
+        });
+        self.replica.handle_messages(self.now, received);
         self.carry_out();
     }
 
     /// Arrives wherever it is sent, at once.
     fn carry_out(&mut self) {
-        while let Some(output) = self.agent.poll_output() {
+        while let Some(output) = self.replica.poll_output(0) {
             let report = match output {
                 Output::Move(goal) => MotionReport::Arrived {
                     goal: goal.pose,
                     pose: goal.pose,
                 },
-                Output::Halt => MotionReport::Halted(self.agent.pose()),
+                Output::Halt => MotionReport::Halted(self.replica.agents()[0].pose()),
                 Output::Publish(Message::ModuleState(state)) => {
                     if state.phase == ModulePhase::Gathered {
                         self.pin = state.spot;
@@ -69,20 +76,24 @@ impl Alone {
                 }
                 _ => continue,
             };
-            self.agent.handle(self.now, Input::Motion(report));
+            let now = self.now;
+            self.replica
+                .with(0, |agent| agent.handle(now, Input::Motion(report)));
         }
     }
 
     fn until(&mut self, is_there: impl Fn(&Agent) -> bool) {
-        while !is_there(&self.agent) {
-            let due = self.agent.poll_timeout();
+        while !is_there(&self.replica.agents()[0]) {
+            let due = self.replica.agents()[0].poll_timeout();
             self.now = due.max(self.now + Duration::from_millis(1));
             assert!(
                 self.now < Duration::from_secs(60),
                 "{:?}",
-                self.agent.phase()
+                self.replica.agents()[0].phase()
             );
-            self.agent.handle(self.now, Input::Timeout);
+            let now = self.now;
+            self.replica
+                .with(0, |agent| agent.handle(now, Input::Timeout));
             self.carry_out();
         }
     }
@@ -114,7 +125,7 @@ fn pin_after_a_withdrawn_goal(mutation: Option<Mutation>) -> Option<SpotId> {
     module.until(|agent| agent.phase() == ModulePhase::Waiting);
     // It sleeps beyond the lease, and wakes to a newcomer for the second spot.
     module.now += Duration::from_secs(5);
-    let epoch = module.agent.epoch();
+    let epoch = module.replica.agents()[0].epoch();
     let run = ModuleRun {
         module: ModuleId(9),
         incarnation: Incarnation(1),
@@ -130,10 +141,10 @@ fn pin_after_a_withdrawn_goal(mutation: Option<Mutation>) -> Option<SpotId> {
         Message::ModuleState(Arc::new(state)),
         Message::Heartbeat(heartbeat),
     ]);
-    assert_eq!(module.agent.phase(), ModulePhase::Gathered);
-    assert!(module.agent.epoch() > epoch);
+    assert_eq!(module.replica.agents()[0].phase(), ModulePhase::Gathered);
+    assert!(module.replica.agents()[0].epoch() > epoch);
     module.handle(vec![row(3, 5, 1)]);
-    let for_the_second = module.agent.epoch();
+    let for_the_second = module.replica.agents()[0].epoch();
     module.until(|agent| agent.epoch() > for_the_second);
     module.pin
 }

@@ -39,9 +39,10 @@ impl Context {
 }
 
 impl Agent {
-    /// Doubts the clock if the latest heartbeat of a module shows that it may have stood still; returns whether it does so.
+    /// Doubts the clock if the latest heartbeat of a module came so much earlier that the clock may have stood still; returns whether it does
+    /// so.
     /// Enforces M8.
-    pub(super) fn doubt_clock(&mut self, module: ModuleId) -> bool {
+    pub(super) fn doubt_clock(&mut self, module: ModuleId, gain: Duration) -> bool {
         // Without a plan nothing moves by the ages of heartbeats, and these are often late while many processes start.
         let holds_plan = self.digest().is_some();
         let context = &mut self.context;
@@ -50,9 +51,6 @@ impl Agent {
         } = context.parameters;
         let limit = if holds_plan { heartbeat } else { lease };
         let since = context.now;
-        let clocks = context.peers.get(module).into_iter().flat_map(Peer::clocks);
-        let gain = clocks.map(|clock| clock.gain_since(since)).max();
-        let gain = gain.unwrap_or(Duration::ZERO);
         if gain <= limit || context.clock_doubt.is_some() {
             return false;
         }

@@ -3,6 +3,7 @@
 mod bodies;
 mod outdated;
 mod reception;
+mod recording;
 mod removals;
 
 use std::collections::BTreeSet;
@@ -104,7 +105,7 @@ impl Context {
             },
             parameters,
             robot: Robot::new(identity.pose, identity.links),
-            peers: Peers::default(),
+            peers: Peers::of(identity.module),
             bodies: Bodies::default(),
             removals: Removals::default(),
             stop: Stop::default(),

@@ -39,6 +39,7 @@ mod plans;
 mod publishing;
 mod quorum;
 mod refusal;
+mod replica;
 mod robot;
 mod roster_plan;
 mod rosters;
@@ -61,6 +62,7 @@ pub use parameters::{AgentParameters, ParametersError};
 pub use plans::{ComputedPlan, PlanJob, SharedPlans};
 pub use quorum::Shortfall;
 pub use refusal::{Refusal, RefusalCounts};
+pub use replica::{Received, Replica};
 
 use formation_model::{
     Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
@@ -68,7 +70,7 @@ use formation_model::{
 };
 
 use context::Context;
-use peers::HeartbeatNews;
+use peers::{Heard, HeartbeatNews, Seen, StateNews};
 use rosters::EarlyRosters;
 use stage::{Stage, Transition};
 use succession::Succession;
@@ -172,28 +174,10 @@ impl Agent {
                 self.handle_command(command);
                 true
             }
-            Input::Departed(source) => {
-                let now = self.context.now;
-                self.context.peers.depart(now, source)
-            }
+            Input::Departed(source) => self.context.record_departure(source),
             Input::Computed(computed) => self.context.plans.receive(computed),
             Input::Persisted(_) | Input::Timeout => true,
         };
-        self.end_input(may_change_what_is_due);
-    }
-
-    /// Handles messages that have come by the time `now`, each with its source, and then does once what is due. In a large
-    /// formation, to look at all modules after each of the messages that come from all of them would take most of the time.
-    pub fn handle_messages(
-        &mut self,
-        now: Duration,
-        messages: impl IntoIterator<Item = (Option<SourceId>, Message)>,
-    ) {
-        self.begin_input(now);
-        let mut may_change_what_is_due = false;
-        for (source, message) in messages {
-            may_change_what_is_due |= self.handle_message(source, message);
-        }
         self.end_input(may_change_what_is_due);
     }
 
@@ -410,7 +394,10 @@ impl Agent {
         }
         // A target that is ignored as old names no voters either.
         context.session.note_voters(&announcement.voters);
-        context.peers.expect(announcement.expected_modules);
+        context
+            .peers
+            .table_mut()
+            .expect(announcement.expected_modules);
         if announcement.target.is_none() {
             context.emit(Event::TargetWithdrawn);
             context.mark_state_changed();
@@ -425,26 +412,31 @@ impl Agent {
         self.context.is_plausible(revision) || revision <= known.saturating_add(REVISION_STEP_MAX)
     }
 
-    /// Handles a state; one that is known already changes nothing that is due. A process sends the states of all its modules
-    /// when one of them changes, so most of those that arrive are known.
     fn handle_state(&mut self, source: Option<SourceId>, state: Arc<ModuleState>) -> bool {
-        let run = state.module.run(state.incarnation);
-        if run.module == self.module() {
-            self.handle_duplicate(run.incarnation);
+        if state.module == self.module() {
+            self.handle_duplicate(state.incarnation);
             return true;
         }
-        let holds_plan = state.digest.is_some();
-        let context = &mut self.context;
-        let liveness = context.liveness();
-        match context.peers.handle_state(liveness, state, source) {
-            Ok(true) => {
-                context.note_run(run, holds_plan);
-                self.note_body(run.module);
-                self.stage.follow_place(run.module, &self.context);
-                self.adjust_links_to(run.module);
-                self.handle_bodies_of(run.module);
+        let seen = self.context.record_state(source, state);
+        self.note_seen(&seen)
+    }
+
+    /// Takes note of a state; one that is known already changes nothing that is due. A process sends the states of all its modules
+    /// when one of them changes, so most of those that arrive are known.
+    fn note_seen(&mut self, seen: &Seen) -> bool {
+        let Seen { state, news } = seen;
+        let run = state.module.run(state.incarnation);
+        match *news {
+            Ok(StateNews::Old) => return false,
+            Ok(news) => {
+                if news == StateNews::OfRun {
+                    self.context.note_run(run, state.digest.is_some());
+                }
+                self.note_body(state);
+                self.stage.follow_place(state, &self.context);
+                self.adjust_links_to(state);
+                self.note_run_named_in(&state.bodies);
             }
-            Ok(false) => return false,
             Err(refusal) => self.refuse_run(run, refusal),
         }
         true
@@ -457,28 +449,27 @@ impl Agent {
         }
     }
 
-    /// Handles a heartbeat; one that shows nothing new changes nothing that is due.
-    /// Enforces H2, Q4.
     fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
-        let run = heartbeat.module.run(heartbeat.incarnation);
-        let (epoch, stop, holds_plan) =
-            (heartbeat.epoch, heartbeat.stop, heartbeat.digest.is_some());
-        if run.module == self.module() {
-            self.handle_duplicate(run.incarnation);
+        if heartbeat.module == self.module() {
+            self.handle_duplicate(heartbeat.incarnation);
             return true;
         }
-        let context = &mut self.context;
-        if context.session.has_others(heartbeat.voters) {
-            if let Some(peer) = context.peers.get_mut(run.module) {
-                peer.has_other_voters = true;
-            }
-            context.refuse(Some(run.module), Refusal::OtherVoters);
-            return true;
-        }
-        let liveness = context.liveness();
-        let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
-        let is_compared = matches!(news, Ok(_) | Err(Refusal::DuplicateModule));
-        let is_clock_in_doubt = is_compared && self.doubt_clock(run.module);
+        let heard = self.context.record_heartbeat(source, heartbeat);
+        self.note_heartbeat(heard)
+    }
+
+    /// Takes note of a heartbeat; one that shows nothing new changes nothing that is due.
+    /// Enforces H2.
+    fn note_heartbeat(&mut self, heard: Heard) -> bool {
+        let Heard {
+            run,
+            epoch,
+            stop,
+            holds_plan,
+            news,
+            gain,
+        } = heard;
+        let is_clock_in_doubt = self.doubt_clock(run.module, gain);
         if news.is_ok() && self.context.is_back(run.module) {
             self.hurry_heartbeat();
         }
@@ -507,6 +498,9 @@ impl Agent {
                 self.handle_bodies_of(run.module);
                 self.handle_early_roster_of(run.module);
             }
+            Err(Refusal::OtherVoters) => {
+                context.refuse(Some(run.module), Refusal::OtherVoters);
+            }
             Err(refusal) => {
                 if refusal == Refusal::StaleIncarnation {
                     self.context.note_heard(run);
@@ -515,6 +509,23 @@ impl Agent {
             }
         }
         true
+    }
+
+    /// Whether a heartbeat may change anything for this module. Of most that come to a process it changes nothing for any of its
+    /// modules.
+    fn heeds(&self, heard: Heard) -> bool {
+        let context = &self.context;
+        let age = match heard.news {
+            Ok(HeartbeatNews::Old) => Duration::ZERO,
+            Ok(HeartbeatNews::StillLive { age }) => age,
+            Ok(HeartbeatNews::New) | Err(_) => return true,
+        };
+        age > context.parameters.lease
+            || heard.gain > context.parameters.heartbeat
+            || heard.stop > context.stop
+            || heard.epoch > context.session.highest_epoch()
+            || context.lists_as_missed(heard.run.module)
+            || context.doubts_removal_of(heard.run.module)
     }
 
     /// Records the epoch that a heartbeat shows, and whether it shows a plan.

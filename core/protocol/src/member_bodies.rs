@@ -1,14 +1,10 @@
 //! What an agent records of the bodies of others: when it leaves an epoch, for its store, and as they show themselves.
 
-use std::time::Duration;
-
 use formation_model::{
-    BodyReport, ModuleId, ModuleRun, ModuleState, Pose, Roster, RosterMember, Timing, Whereabouts,
-    blocked_spots,
+    BodyReport, ModuleState, Pose, Roster, RosterMember, Timing, Whereabouts, blocked_spots,
 };
 
 use super::Agent;
-use super::context::Context;
 use super::peer::Peer;
 use super::refusal::Refusal;
 use super::stage::{HeldPlan, Stage};
@@ -81,12 +77,12 @@ impl Agent {
 
     /// Records where a module shows itself that is no member of the present roster. Members are recorded when their epoch is
     /// left.
-    pub(super) fn note_body(&mut self, module: ModuleId) {
+    pub(super) fn note_body(&mut self, state: &ModuleState) {
         let roster = self.stage.roster();
-        let is_member = roster.is_some_and(|roster| blocked_spots::lists(&roster.members, module));
-        let Context { bodies, peers, .. } = &mut self.context;
-        if let Some(state) = peers.state(module).filter(|_| !is_member) {
-            bodies.note_state(state);
+        let is_member =
+            roster.is_some_and(|roster| blocked_spots::lists(&roster.members, state.module));
+        if !is_member {
+            self.context.bodies.note_state(state);
         }
     }
 
@@ -111,13 +107,6 @@ impl Agent {
         }
     }
 
-    /// When the latest heartbeat of another module was sent, on the clock of [`Self::handle`].
-    #[must_use]
-    pub fn last_heard(&self, module: ModuleId) -> Option<Duration> {
-        let peer = self.context.peers.get(module)?;
-        peer.heartbeat.as_ref().map(|_| peer.last_seen())
-    }
-
     /// Whether the latest roster that it took over lists it, or it waits for one.
     #[must_use]
     pub fn is_member(&self) -> bool {
@@ -131,16 +120,6 @@ impl Agent {
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.context.parameters.timing()
-    }
-
-    /// The latest run of another module from which this one received a message, or whose body it knows.
-    #[must_use]
-    pub fn latest_run_of(&self, module: ModuleId) -> Option<ModuleRun> {
-        let context = &self.context;
-        let peer = context.peers.get(module).map(|peer| peer.incarnation);
-        let body = context.bodies.get(module);
-        let incarnation = peer.max(body.map(|body| body.incarnation))?;
-        Some(module.run(incarnation))
     }
 }
 

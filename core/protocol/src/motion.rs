@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use formation_model::{ModuleId, ModulePhase, Service};
+use formation_model::{ModulePhase, ModuleState, Service};
 use formation_motion::MotionReport;
 
 use super::Agent;
@@ -115,17 +115,17 @@ impl Agent {
     pub(super) fn adjust_links_to_neighbours(&mut self) {
         let neighbours = self.stage.held_plan().map(|held| held.neighbours());
         for module in neighbours.unwrap_or_default() {
-            self.adjust_links_to(module);
+            if let Some(state) = self.context.peers.state(module).map(Arc::clone) {
+                self.adjust_links_to(&state);
+            }
         }
     }
 
     /// Follows the links that another module reports: it docked to this one, or undocked from it.
     /// Enforces X3.
-    pub(super) fn adjust_links_to(&mut self, other: ModuleId) {
+    pub(super) fn adjust_links_to(&mut self, state: &ModuleState) {
+        let other = state.module;
         let Some(held) = self.stage.held_plan() else {
-            return;
-        };
-        let Some(state) = self.context.peers.state(other).map(Arc::clone) else {
             return;
         };
         if state.epoch != self.stage.epoch() {

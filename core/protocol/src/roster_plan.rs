@@ -10,6 +10,8 @@ pub(super) struct Place {
     pub spot: SpotId,
     /// The position of its unit in the acting order.
     pub unit: usize,
+    /// Its position in the order in which the spots are filled.
+    pub order: usize,
 }
 
 /// What follows from a plan and a roster.
@@ -21,22 +23,32 @@ pub(super) struct RosterPlan {
     pub members: BTreeMap<ModuleId, Incarnation>,
     /// The places of the modules that the plan assigns to spots.
     pub places: BTreeMap<ModuleId, Place>,
+    /// The holder of each spot that the plan fills.
+    pub holders: BTreeMap<SpotId, ModuleId>,
 }
 
 impl RosterPlan {
     pub fn of(roster: &Roster, plan: &Plan, digest: Digest) -> Self {
         let members = roster.members.iter();
         let units = plan.assembly.units.iter().enumerate();
-        let places = units.flat_map(|(unit, acting)| {
+        let placements = units.flat_map(|(unit, acting)| {
             let placements = acting.placements.iter();
-            placements.map(move |&(module, spot)| (module, Place { spot, unit }))
+            placements.map(move |&(module, spot)| (module, spot, unit))
         });
+        let places = placements.enumerate();
+        let places = places.map(|(order, (module, spot, unit))| {
+            let place = Place { spot, unit, order };
+            (module, place)
+        });
+        let places: BTreeMap<ModuleId, Place> = places.collect();
+        let holders = places.iter().map(|(&module, place)| (place.spot, module));
         Self {
             digest,
             members: members
                 .map(|member| (member.module.id, member.incarnation))
                 .collect(),
-            places: places.collect(),
+            holders: holders.collect(),
+            places,
         }
     }
 }

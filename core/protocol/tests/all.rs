@@ -9,4 +9,5 @@
 
 mod duplicate_module;
 mod removals;
+mod replica;
 mod stuck;

@@ -10,7 +10,7 @@ use formation_model::{
     BodyReport, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose,
     STAMP_AHEAD_MAX, Scenario, SourceId, TargetAnnouncement, Whereabouts,
 };
-use formation_protocol::{Agent, AgentParameters, Identity, Input, Output};
+use formation_protocol::{Agent, AgentParameters, Identity, Input, Output, Replica};
 
 const SCENARIO: &str = "
 target: {spots: [{id: 1, x: 5.0, y: 5.0}], edges: []}
@@ -256,39 +256,47 @@ fn beat_of_fifth(incarnation: u64, sequence: u64, source: SourceId) -> Input {
 /// Shows M9.
 #[test]
 fn who_has_left_is_silent_at_once_and_its_next_run_is_let_in() {
-    let mut agent = run(false);
+    let mut replica = Replica::default();
+    replica.add(at(0), run(false));
     let (first, second) = (SourceId(1), SourceId(2));
-    let is_live = |agent: &Agent| agent.living_peers().contains_key(&ModuleId(5));
-    agent.handle(at(1), beat_of_fifth(10, 1, first));
-    agent.handle(at(1), beat_of_fifth(20, 1, second));
-    assert!(agent.refusals().total() == 1 && is_live(&agent));
-    agent.handle(at(1), Input::Departed(second));
-    assert!(is_live(&agent), "another one has left");
-    agent.handle(at(1), Input::Departed(first));
-    assert!(!is_live(&agent));
-    agent.handle(at(1), beat_of_fifth(20, 2, second));
-    assert!(agent.refusals().total() == 1 && is_live(&agent));
-    agent.handle(at(1), beat_of_fifth(10, 2, first));
-    assert_eq!(agent.refusals().total(), 2, "the former run is over");
+    let is_live = |replica: &Replica| replica.living().contains_key(&ModuleId(5));
+    replica.with(0, |agent| agent.handle(at(1), beat_of_fifth(10, 1, first)));
+    replica.with(0, |agent| agent.handle(at(1), beat_of_fifth(20, 1, second)));
+    assert!(replica.agents()[0].refusals().total() == 1 && is_live(&replica));
+    replica.with(0, |agent| agent.handle(at(1), Input::Departed(second)));
+    assert!(is_live(&replica), "another one has left");
+    replica.with(0, |agent| agent.handle(at(1), Input::Departed(first)));
+    assert!(!is_live(&replica));
+    replica.with(0, |agent| agent.handle(at(1), beat_of_fifth(20, 2, second)));
+    assert!(replica.agents()[0].refusals().total() == 1 && is_live(&replica));
+    replica.with(0, |agent| agent.handle(at(1), beat_of_fifth(10, 2, first)));
+    assert_eq!(
+        replica.agents()[0].refusals().total(),
+        2,
+        "the former run is over"
+    );
 }
 
 /// Shows M9.
 #[test]
 fn who_was_said_to_have_left_and_sends_is_live() {
-    let mut agent = run(false);
+    let mut replica = Replica::default();
+    replica.add(at(0), run(false));
     let source = SourceId(1);
-    let is_live = |agent: &Agent| agent.living_peers().contains_key(&ModuleId(5));
-    agent.handle(at(1), beat_of_fifth(10, 1, source));
-    agent.handle(at(2), Input::Departed(source));
-    assert!(!is_live(&agent));
+    let is_live = |replica: &Replica| replica.living().contains_key(&ModuleId(5));
+    replica.with(0, |agent| agent.handle(at(1), beat_of_fifth(10, 1, source)));
+    replica.with(0, |agent| agent.handle(at(2), Input::Departed(source)));
+    assert!(!is_live(&replica));
     // Sent before it left, and received afterwards.
-    agent.handle(at(2), beat_of_fifth(10, 2, source));
-    assert!(!is_live(&agent));
-    agent.handle(at(3), beat_of_fifth(10, 5, source));
-    assert!(is_live(&agent));
-    agent.handle(at(3), beat_of_fifth(20, 1, SourceId(2)));
+    replica.with(0, |agent| agent.handle(at(2), beat_of_fifth(10, 2, source)));
+    assert!(!is_live(&replica));
+    replica.with(0, |agent| agent.handle(at(3), beat_of_fifth(10, 5, source)));
+    assert!(is_live(&replica));
+    replica.with(0, |agent| {
+        agent.handle(at(3), beat_of_fifth(20, 1, SourceId(2)));
+    });
     assert_eq!(
-        agent.refusals().total(),
+        replica.agents()[0].refusals().total(),
         1,
         "it is refused until the first is silent"
     );

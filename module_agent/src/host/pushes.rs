@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use formation_model::text::joined;
 use formation_model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Pose};
-use formation_protocol::Agent;
 
 use super::Host;
 
@@ -37,10 +36,10 @@ fn seen_from(from: &Pose, pose: &Pose) -> (f64, f64) {
 impl Host {
     /// The poses of the hosted modules and of all other live ones, as far as they are known.
     pub(crate) fn poses(&self) -> BTreeMap<ModuleId, Option<Pose>> {
-        let agents = || self.modules.iter().map(|hosted| &hosted.agent);
-        let peers = agents().flat_map(Agent::living_peers);
+        let peers = self.replica.living().into_iter();
         let peers = peers.map(|(module, state)| (module, state.map(|state| state.pose)));
-        let own = agents().map(|agent| (agent.module(), Some(agent.pose())));
+        let agents = self.replica.agents().iter();
+        let own = agents.map(|agent| (agent.module(), Some(agent.pose())));
         peers.chain(own).collect()
     }
 
@@ -75,8 +74,8 @@ impl Host {
                 SLACK.to_units()
             ));
         }
-        let hosted = &self.modules[index];
-        let from = hosted.agent.pose();
+        let agent = &self.replica.agents()[index];
+        let from = agent.pose();
         let moved = |from: MicroUnits, by: MicroUnits| from.to_units() + by.to_units();
         let theta = from.theta.to_units();
         let pose = Pose::from_units(moved(from.x, x), moved(from.y, y), theta);
@@ -87,9 +86,12 @@ impl Host {
                 distance.to_units()
             ));
         }
-        let hosted = &mut self.modules[index];
-        let torn_off: Vec<ModuleId> = hosted.agent.links().iter().copied().collect();
-        if !hosted.drive.push(now, pose, torn_off.iter().copied()) {
+        let links = self.replica.agents()[index].links();
+        let torn_off: Vec<ModuleId> = links.iter().copied().collect();
+        if !self.modules[index]
+            .drive
+            .push(now, pose, torn_off.iter().copied())
+        {
             return Err(format!("{module} has a driver of its own: push the robot"));
         }
         self.pass_reports(index, now);
@@ -128,15 +130,14 @@ impl Host {
             return;
         }
         for index in 0..self.modules.len() {
-            let agent = &self.modules[index].agent;
+            let agent = &self.replica.agents()[index];
             if agent.links().is_empty() {
                 continue;
             }
             let (own, pose) = (agent.module(), agent.pose());
-            let peers = agent.living_peers();
             let mut torn = Vec::new();
             for &other in agent.links() {
-                let Some(state) = peers.get(&other).copied().flatten() else {
+                let Some(state) = self.replica.state(other) else {
                     continue;
                 };
                 let seen = seen_from(&pose, &state.pose);

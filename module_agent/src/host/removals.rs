@@ -4,10 +4,10 @@
 use formation_model::{Message, Removal, Timing};
 use formation_msgs::{RemoveModuleRequest, RemoveModuleResponse};
 use formation_node_support::removal_requests::{self, Request};
-use formation_protocol::Agent;
+use formation_protocol::{Agent, Received};
 use ros_runtime::service::DeclaredService;
 
-use super::{Arrived, Host};
+use super::Host;
 
 pub(crate) const REMOVE_MODULE: DeclaredService<RemoveModuleRequest, RemoveModuleResponse> =
     DeclaredService::new("~/remove_module", "formation_msgs", "RemoveModule");
@@ -27,23 +27,22 @@ impl Host {
                 "{module} lives in this process, so nothing was removed"
             ));
         }
-        let agents = || self.modules.iter().map(|hosted| &hosted.agent);
-        let last = agents().filter_map(|agent| agent.last_heard(module)).max();
+        let replica = &self.replica;
+        let last = replica.last_heard(module);
         if last.is_some_and(|last| last > request.heard_after) {
             return Err(removal_requests::are_alive([module]));
         }
-        let latest = agents().filter_map(|agent| agent.latest_run_of(module));
-        let run = request.resolve(latest.max())?;
-        if !agents().any(Agent::is_member) {
+        let run = request.resolve(replica.latest_run_of(module))?;
+        if !replica.agents().iter().any(Agent::is_member) {
             return Err(format!(
                 "no module of this process is a member of the formation, so nothing was removed: ask the process of one that is, \
                  or use `formation remove {}`",
                 module.0
             ));
         }
-        let timing = agents().next().map(Agent::timing);
-        self.arrived.push(Arrived {
-            source: self.source,
+        let timing = replica.agents().first().map(Agent::timing);
+        self.arrived.push(Received {
+            source: Some(self.source),
             sender: None,
             message: Message::Removal(Removal::of_body(run)),
         });
@@ -52,7 +51,7 @@ impl Host {
 
     /// How long to listen for heartbeats before a request is answered.
     pub(crate) fn timing(&self) -> Option<Timing> {
-        self.modules.first().map(|hosted| hosted.agent.timing())
+        self.replica.agents().first().map(Agent::timing)
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use formation_model::{Message, ModuleId, SourceId};
+use formation_protocol::Input;
 
 use super::Cluster;
 use super::schedule::{Delivery, Happening};
@@ -74,6 +75,24 @@ impl Cluster {
         self.source(writer).unwrap_or(Self::TARGET_PUBLISHER)
     }
 
+    /// The processes that run, each by its first module.
+    pub(super) fn readers(&self) -> Vec<ModuleId> {
+        let running = self.processes.keys().copied();
+        running
+            .filter(|&one| self.hosting.first(one) == one)
+            .collect()
+    }
+
+    /// Whether what a participant sends now reaches another process, which this module stands for.
+    pub(super) fn is_reached_by(&self, from: Participant, reader: ModuleId) -> bool {
+        let is_own = match from {
+            Participant::Module(writer) => self.hosting.first(writer) == reader,
+            Participant::TargetPublisher => false,
+        };
+        let is_first = self.hosting.first(reader) == reader;
+        is_first && !is_own && self.transport.network.connects(from, reader)
+    }
+
     /// Sends a new reader the samples that writers keep for late readers.
     pub(super) fn catch_up(&mut self, to: ModuleId) {
         let mut kept = Vec::new();
@@ -85,7 +104,7 @@ impl Cluster {
             kept.push((Channel { from, to, topic }, sample, message));
         }
         for (&writer, process) in &self.processes {
-            if writer == to {
+            if self.hosting.first(writer) == to {
                 continue;
             }
             for (&topic, samples) in &process.history {
@@ -122,22 +141,29 @@ impl Cluster {
             let excess = history.len().saturating_sub(topic.depth());
             history.drain(..excess);
         }
-        let readers: Vec<ModuleId> = self
-            .processes
-            .keys()
-            .copied()
-            .filter(|&reader| from != Participant::Module(reader))
-            .collect();
-        for to in readers {
-            self.send(Channel { from, to, topic }, sample, message.clone());
+        let own = match from {
+            Participant::Module(writer) => Some(self.hosting.first(writer)),
+            Participant::TargetPublisher => None,
+        };
+        for to in self.readers() {
+            if own != Some(to) {
+                self.send(Channel { from, to, topic }, sample, message.clone());
+            } else if self.hosting.together(to).len() > 1 {
+                let source = self.source(from);
+                let message = message.clone();
+                if let Some(process) = self.processes.get_mut(&to) {
+                    process.inbox.add(Input::Message { source, message });
+                }
+            }
         }
     }
 
     /// The participant that a sample comes from, as the transport identifies it.
-    fn source(&self, writer: Participant) -> Option<SourceId> {
+    pub(super) fn source(&self, writer: Participant) -> Option<SourceId> {
         let Participant::Module(module) = writer else {
             return None;
         };
+        let module = self.hosting.first(module);
         let run = self.process_run_of(module)?;
         Some(SourceId(
             u128::from(module.0) << 64 | u128::from(run.incarnation.0),

@@ -4,22 +4,15 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{Message, MicroUnits, ModuleId, ModuleRun, SourceId};
+use formation_model::{Message, MicroUnits, ModuleId, ModuleRun};
 use formation_motion::{MotionReport, SimulatedDrive};
-use formation_protocol::{Event, Input, Output, PlanJob};
+use formation_protocol::{Agent, Event, Input, Output, PlanJob};
 
 use super::Cluster;
 use super::schedule::{Delivery, Happening};
-use crate::network::duration_below;
+use crate::network::{Participant, duration_below};
 use crate::observation::Observation;
 use crate::process::{Clock, Inbox, Process, Stored, shifted};
-
-fn message_of(input: Input) -> Option<(Option<SourceId>, Message)> {
-    match input {
-        Input::Message { source, message } => Some((source, message)),
-        _ => None,
-    }
-}
 
 impl Cluster {
     /// Lets the next thing happen; `false` when nothing is left to happen before `limit`.
@@ -66,20 +59,31 @@ impl Cluster {
             self.transport.is_replaced(channel, delivery.sample) && self.random.below(2) == 0;
         if !is_skipped && self.process_run_of(channel.to) == Some(delivery.reader) {
             if let Message::ModuleState(state) = &delivery.message {
-                let seen = self.sightings.entry(delivery.reader).or_default();
-                seen.insert(state.module);
+                for run in self.runs_of_process(channel.to) {
+                    self.sightings.entry(run).or_default().insert(state.module);
+                }
             }
             let (source, message) = (delivery.source, delivery.message);
             let is_heartbeat = matches!(message, Message::Heartbeat(_));
             self.input(channel.to, Input::Message { source, message });
             let now = self.now();
-            if let Some(process) = self.processes.get_mut(&channel.to)
-                && is_heartbeat
-                && !process.clock.stands_still_at(now)
-            {
-                process.has_just_woken = false;
+            for module in self.hosting.together(channel.to) {
+                if let Some(process) = self.processes.get_mut(&module)
+                    && is_heartbeat
+                    && !process.clock.stands_still_at(now)
+                {
+                    process.has_just_woken = false;
+                }
             }
         }
+    }
+
+    /// The runs of all modules of a module's process, by their numbers at its start.
+    fn runs_of_process(&self, module: ModuleId) -> Vec<ModuleRun> {
+        let together = self.hosting.together(module).into_iter();
+        together
+            .filter_map(|one| self.process_run_of(one))
+            .collect()
     }
 
     /// The process of a run, unless it has ended.
@@ -103,12 +107,27 @@ impl Cluster {
             return;
         }
         self.late.remove(&module);
+        // The first module of a process starts with all others.
+        if self.hosting.first(module) != module || self.processes.contains_key(&module) {
+            return;
+        }
+        let clock = self.draw_clock();
+        let together = self.hosting.together(module);
+        for &one in &together {
+            self.start_module(one, clock);
+        }
+        self.catch_up(module);
+        for one in together {
+            self.input(one, Input::Timeout);
+        }
+    }
+
+    fn start_module(&mut self, module: ModuleId, clock: Clock) {
         let Some(body) = self.bodies.get_mut(&module) else {
             return;
         };
         body.incarnation.0 += 1;
         let identity = body.clone();
-        let clock = self.draw_clock();
         let drive = SimulatedDrive::new(
             identity.pose,
             self.parameters.speed_units_per_s,
@@ -128,7 +147,6 @@ impl Cluster {
         }
         let process = Process {
             run,
-            agent,
             clock,
             inbox: Inbox::default(),
             timeout_at: None,
@@ -146,8 +164,14 @@ impl Cluster {
             history: BTreeMap::new(),
         };
         self.processes.insert(module, process);
-        self.catch_up(module);
-        self.input(module, Input::Timeout);
+        let first = self.hosting.first(module);
+        if self.hosting.together(module).len() > 1
+            && let Some(source) = self.source(Participant::Module(module))
+        {
+            agent = agent.published_by(source);
+        }
+        let replica = self.hosting.replicas.entry(first).or_default();
+        replica.add(local, agent);
     }
 
     /// Computes a plan, which the agent gets when the time that this takes has passed.
@@ -173,44 +197,86 @@ impl Cluster {
     }
 
     pub(super) fn input(&mut self, module: ModuleId, input: Input) {
-        let now = self.now();
-        if let Some(process) = self.processes.get_mut(&module) {
+        let to = match input {
+            Input::Message { .. } | Input::Departed(_) => self.hosting.first(module),
+            _ => module,
+        };
+        if let Some(process) = self.processes.get_mut(&to) {
             process.inbox.add(input);
         }
-        while let Some(process) = self.processes.get_mut(&module) {
-            let mut inputs = process.inbox.next(now);
-            for input in &inputs {
-                if let Input::Message {
-                    message: Message::Target(announcement),
-                    ..
-                } = input
-                {
-                    process.announcement = Some(Arc::clone(announcement));
+        let together = self.hosting.together(module);
+        let mut is_done = false;
+        while !is_done {
+            is_done = true;
+            for &one in &together {
+                is_done &= !self.handle_next(one);
+            }
+        }
+        for one in together {
+            self.reschedule_timeout(one);
+        }
+    }
+
+    /// Handles the next inputs of a module, and if it is the first one of its process, those that concern all. Returns whether there were
+    /// any.
+    fn handle_next(&mut self, module: ModuleId) -> bool {
+        let now = self.now();
+        let Some(process) = self.processes.get_mut(&module) else {
+            return false;
+        };
+        let inputs = process.inbox.next(now);
+        if inputs.is_empty() {
+            return false;
+        }
+        let local = process.clock.local(now);
+        let mut received = Vec::new();
+        for input in inputs {
+            match input {
+                Input::Message { source, message } => {
+                    received.push(self.received(module, source, message));
+                }
+                Input::Departed(source) => {
+                    if let Some(replica) = self.hosting.replicas.get_mut(&module) {
+                        replica.handle_departed(local, source);
+                    }
+                }
+                input => {
+                    self.hosting
+                        .with_agent(module, |agent| agent.handle(local, input));
                 }
             }
-            let local = process.clock.local(now);
-            match inputs.len() {
-                0 => break,
-                1 => inputs
-                    .drain(..)
-                    .for_each(|input| process.agent.handle(local, input)),
-                _ => process
-                    .agent
-                    .handle_messages(local, inputs.drain(..).filter_map(message_of)),
-            }
-            self.drain(module);
         }
-        self.reschedule_timeout(module);
+        let together = self.hosting.together(module);
+        for one in &received {
+            if let Message::Target(announcement) = &one.message {
+                for one in &together {
+                    if let Some(process) = self.processes.get_mut(one) {
+                        process.announcement = Some(Arc::clone(announcement));
+                    }
+                }
+            }
+        }
+        if !received.is_empty()
+            && let Some(replica) = self.hosting.replicas.get_mut(&module)
+        {
+            replica.handle_messages(local, received);
+        }
+        for one in together {
+            self.drain(one);
+        }
+        true
     }
 
     fn reschedule_timeout(&mut self, module: ModuleId) {
         let now = self.now();
-        let Some(process) = self.processes.get_mut(&module) else {
+        let timeout = self.agent(module).map(Agent::poll_timeout);
+        let process = self.processes.get_mut(&module);
+        let Some((process, timeout)) = process.zip(timeout) else {
             return;
         };
         let held_until = process.inbox.held_until;
         let due = if process.inbox.waiting.is_empty() {
-            process.clock.global(process.agent.poll_timeout())
+            process.clock.global(timeout)
         } else {
             held_until
         };
@@ -224,8 +290,9 @@ impl Cluster {
     fn drain(&mut self, module: ModuleId) {
         let now = self.now();
         let coasts = self.parameters.coasting.is_some();
-        while let Some(process) = self.processes.get_mut(&module) {
-            let Some(output) = process.agent.poll_output() else {
+        let poll = |agent: &mut Agent| agent.poll_output();
+        while let Some(output) = self.hosting.with_agent(module, poll).flatten() {
+            let Some(process) = self.processes.get_mut(&module) else {
                 return;
             };
             let local = process.clock.local(now);
@@ -244,16 +311,17 @@ impl Cluster {
                 }
                 Output::Event(event) => {
                     if let Event::RunRenumbered(_) = event {
-                        self.renumbered.insert(process.agent.run(), process.run);
+                        let start = process.run;
+                        let run = self.run_of(module);
+                        self.renumbered.extend(run.map(|run| (run, start)));
                     }
                     self.observe(Observation::Noted(module, event));
                 }
                 Output::Move(goal) => {
-                    let plan = process.agent.epoch().zip(process.agent.digest());
+                    let agent = self.hosting.agent(module);
+                    let plan = agent.and_then(|agent| agent.epoch().zip(agent.digest()));
                     if process.drive_broken {
-                        process
-                            .agent
-                            .handle(local, Input::Motion(MotionReport::Failed));
+                        self.report_now(module, MotionReport::Failed);
                         continue;
                     }
                     process.driven_by = plan;
@@ -286,9 +354,7 @@ impl Cluster {
                 }
                 Output::Dock(other) => {
                     let report = self.try_to_dock(module, other);
-                    if let Some(process) = self.processes.get_mut(&module) {
-                        process.agent.handle(local, Input::Motion(report));
-                    }
+                    self.report_now(module, report);
                 }
                 Output::Undock(other) if self.parameters.undocking > Duration::ZERO => {
                     let run = process.run;
@@ -296,8 +362,7 @@ impl Cluster {
                     self.schedule.add(at, Happening::Undocked(run, other));
                 }
                 Output::Undock(other) => {
-                    let report = Input::Motion(MotionReport::Undocked(other));
-                    process.agent.handle(local, report);
+                    self.report_now(module, MotionReport::Undocked(other));
                 }
                 Output::BeginRun { .. } => return self.begin_run(module),
                 Output::Compute(job) => {
@@ -306,6 +371,18 @@ impl Cluster {
                 }
             }
         }
+    }
+
+    /// Hands in a report of a module's drive or ports while its outputs are carried out.
+    fn report_now(&mut self, module: ModuleId, report: MotionReport) {
+        let now = self.now();
+        let Some(process) = self.processes.get(&module) else {
+            return;
+        };
+        let local = process.clock.local(now);
+        let input = Input::Motion(report);
+        self.hosting
+            .with_agent(module, |agent| agent.handle(local, input));
     }
 
     /// The store of a module holds what was given to it up to this number.

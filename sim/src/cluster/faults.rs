@@ -9,7 +9,7 @@ use formation_model::{
     Roster, RosterMessage, SpotClaim, Stop, Voters,
 };
 use formation_motion::MotionReport;
-use formation_protocol::{Command, Identity, Input};
+use formation_protocol::{Agent, Command, Identity, Input};
 
 use super::Cluster;
 use super::schedule::Happening;
@@ -107,9 +107,9 @@ impl Cluster {
             ..claim.clone()
         });
         self.observe(Observation::Injected(Message::Claim(Arc::clone(&forged))));
-        let readers: Vec<ModuleId> = self.processes.keys().copied().collect();
+        let readers = self.readers();
         for reader in readers {
-            if reader != claim.claimant && self.random.below(2) == 0 {
+            if reader != self.hosting.first(claim.claimant) && self.random.below(2) == 0 {
                 let message = Message::Claim(Arc::clone(&forged));
                 let source = None;
                 self.input(reader, Input::Message { source, message });
@@ -166,7 +166,7 @@ impl Cluster {
     /// Delivers a message to every module at once, from a participant that is no module.
     pub fn inject(&mut self, message: &Message) {
         self.observe(Observation::Injected(message.clone()));
-        for reader in self.running() {
+        for reader in self.readers() {
             self.tell(reader, message);
         }
     }
@@ -193,8 +193,15 @@ impl Cluster {
         self.crash(module);
     }
 
-    /// Ends a module's process without warning; its body stays, halted and docked as it is.
+    /// Ends a module's process without warning; the bodies of its modules stay, halted and docked as they are.
     pub fn crash(&mut self, module: ModuleId) {
+        for one in self.hosting.together(module) {
+            self.crash_alone(one);
+        }
+        self.hosting.replicas.remove(&self.hosting.first(module));
+    }
+
+    fn crash_alone(&mut self, module: ModuleId) {
         let Some(mut process) = self.end_process(module) else {
             return;
         };
@@ -215,6 +222,7 @@ impl Cluster {
 
     /// Ends a module's process, the body of which stays.
     fn end_process(&mut self, module: ModuleId) -> Option<Process> {
+        let links = self.agent(module).map(Agent::links).cloned()?;
         let mut process = self.processes.remove(&module)?;
         let local = process.clock.local(self.now());
         // A drive that moves on is put at once where it will stand.
@@ -223,7 +231,7 @@ impl Cluster {
             .halt(local + self.parameters.coasting.unwrap_or_default());
         if let Some(body) = self.bodies.get_mut(&module) {
             body.pose = process.body();
-            body.links = process.agent.links().clone();
+            body.links.clone_from(&links);
         }
         self.observe(Observation::Stands(module, process.body()));
         self.transport.forget(module);
@@ -261,7 +269,7 @@ impl Cluster {
         let latest = numbers.find(|&(_, process)| *process == run);
         let run = latest.map_or(run, |(&number, _)| number);
         self.note(Fault::Remove { module, takes_vote });
-        for other in self.running() {
+        for other in self.readers() {
             if other != module {
                 self.tell(other, &Message::Removal(Removal { run, takes_vote }));
             }
@@ -274,7 +282,8 @@ impl Cluster {
         // A process that starts late is scheduled already.
         if !self.processes.contains_key(&module) && !self.late.contains_key(&module) {
             self.note(Fault::Restart(module));
-            self.schedule.add(self.now(), Happening::Start(module));
+            let first = self.hosting.first(module);
+            self.schedule.add(self.now(), Happening::Start(first));
         }
     }
 
@@ -314,18 +323,29 @@ impl Cluster {
     /// Ends the run of a process whose clock stood still, and begins another with all that it knows.
     pub(super) fn begin_run(&mut self, module: ModuleId) {
         self.depart(module);
-        let Some(mut process) = self.end_process(module) else {
+        for one in self.hosting.together(module) {
+            self.keep_for_next_run(one);
+        }
+        let first = self.hosting.first(module);
+        self.hosting.replicas.remove(&first);
+        self.schedule.add(self.now(), Happening::Start(first));
+    }
+
+    /// Ends a process for one of its modules, of which the next run is to know what it knows.
+    fn keep_for_next_run(&mut self, module: ModuleId) {
+        let memory = |agent: &mut Agent| (agent.memory(), agent.run().incarnation);
+        let Some((state, incarnation)) = self.hosting.with_agent(module, memory) else {
+            return;
+        };
+        let Some(process) = self.end_process(module) else {
             return;
         };
         let seen = self.sightings.get(&process.run).cloned();
-        let state = process.agent.memory();
         let seen = seen.unwrap_or_default();
         self.stores.insert(module, Stored { state, seen });
         if let Some(body) = self.bodies.get_mut(&module) {
-            let incarnation = process.agent.run().incarnation;
             body.incarnation = body.incarnation.max(incarnation);
         }
-        self.schedule.add(self.now(), Happening::Start(module));
     }
 
     /// The participant of a module leaves the graph, and tells all whom it reaches.
@@ -333,8 +353,7 @@ impl Cluster {
         let from = Participant::Module(module);
         let source = self.source_of(from);
         let readers = self.processes.keys().copied();
-        let reached = readers
-            .filter(|&reader| reader != module && self.transport.network.connects(from, reader));
+        let reached = readers.filter(|&reader| self.is_reached_by(from, reader));
         let runs: Vec<ModuleRun> = reached
             .filter_map(|reader| self.process_run_of(reader))
             .collect();

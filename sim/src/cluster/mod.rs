@@ -4,6 +4,7 @@ mod delivery;
 mod execution;
 mod faults;
 mod hands;
+mod hosting;
 mod observer;
 mod schedule;
 
@@ -18,6 +19,7 @@ use formation_model::{
 use formation_protocol::{AgentParameters, Identity};
 
 use delivery::Transport;
+use hosting::Hosting;
 use observer::Record;
 pub use observer::Standing;
 use schedule::{Happening, Schedule};
@@ -39,7 +41,7 @@ pub enum Stores {
 }
 
 impl Stores {
-    fn has(self, module: ModuleId) -> bool {
+    pub(crate) fn has(self, module: ModuleId) -> bool {
         match self {
             Self::None => false,
             Self::All => true,
@@ -104,6 +106,7 @@ pub struct Cluster {
     transport: Transport,
     random: Random,
     processes: BTreeMap<ModuleId, Process>,
+    hosting: Hosting,
     /// The modules as their last process left them; what outlives a process.
     bodies: BTreeMap<ModuleId, Identity>,
     /// What the store of each module holds.
@@ -148,6 +151,7 @@ impl Cluster {
             transport: Transport::new(network),
             random,
             processes: BTreeMap::new(),
+            hosting: Hosting::default(),
             bodies: BTreeMap::new(),
             stores: BTreeMap::new(),
             sightings: BTreeMap::new(),

@@ -85,7 +85,7 @@ impl Cluster {
     /// The agent of a running module.
     #[must_use]
     pub fn agent(&self, module: ModuleId) -> Option<&Agent> {
-        self.processes.get(&module).map(|process| &process.agent)
+        self.hosting.agent(module)
     }
 
     /// The modules that a module is docked to; a body keeps its links when its process ends.
@@ -99,7 +99,7 @@ impl Cluster {
     #[must_use]
     pub fn standing(&self, module: ModuleId) -> Option<Standing> {
         let process = self.processes.get(&module)?;
-        let agent = &process.agent;
+        let agent = self.agent(module)?;
         Some(Standing {
             phase: agent.phase(),
             epoch: agent.epoch(),
@@ -187,8 +187,8 @@ impl Cluster {
     #[must_use]
     pub fn has_formed(&self) -> bool {
         let mut plans = BTreeSet::new();
-        for process in self.processes.values() {
-            let agent = &process.agent;
+        let agents = || self.processes.keys().filter_map(|&one| self.agent(one));
+        for agent in agents() {
             match (agent.phase(), agent.digest()) {
                 (ModulePhase::Settled | ModulePhase::Spare, Some(digest)) => {
                     plans.insert((agent.epoch(), digest));
@@ -198,11 +198,7 @@ impl Cluster {
             }
         }
         let epoch = plans.first().and_then(|&(epoch, _)| epoch);
-        plans.len() == 1
-            && self
-                .processes
-                .values()
-                .all(|process| process.agent.epoch() == epoch)
+        plans.len() == 1 && agents().all(|agent| agent.epoch() == epoch)
     }
 
     pub(super) fn observe(&mut self, observation: Observation) {

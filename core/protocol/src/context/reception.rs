@@ -110,10 +110,14 @@ impl Context {
         Arc::clone(&self.reception.misses)
     }
 
+    /// Whether the latest heartbeat lists a module as missed.
+    pub fn lists_as_missed(&self, module: ModuleId) -> bool {
+        self.reception.misses.binary_search(&module).is_ok()
+    }
+
     /// Whether a module is live that the latest heartbeat lists as missed.
     pub fn is_back(&self, module: ModuleId) -> bool {
-        self.reception.misses.binary_search(&module).is_ok()
-            && self.peers.is_live(self.liveness(), module)
+        self.lists_as_missed(module) && self.peers.is_live(self.liveness(), module)
     }
 
     /// The voters that live modules receive, and this one does not: those have listened, know who votes, and do not miss them.
@@ -172,8 +176,8 @@ impl Context {
             let liveness = self.liveness();
             Links {
                 peers,
-                until: self.peers.unchanged_until(liveness),
-                missed: self.peers.missed_pairs(liveness, self.module()).into(),
+                until: self.peers.table_mut().unchanged_until(liveness),
+                missed: self.peers.missed_pairs(liveness).into(),
                 clique: None,
             }
         });
@@ -314,7 +318,7 @@ impl Context {
         }
         let (now, least) = (self.now, self.parameters.stuck * 2);
         for &module in stuck {
-            self.peers.fail_channel(module, now, least);
+            (self.peers.table_mut()).fail_channel(module, now, least);
         }
     }
 

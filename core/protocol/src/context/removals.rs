@@ -200,6 +200,11 @@ impl Context {
         peer.is_some_and(|peer| self.now <= peer.last_seen() + self.parameters.suspicion)
     }
 
+    /// Whether what was reported of a module, or that it was removed, may end with its next heartbeat.
+    pub fn doubts_removal_of(&self, module: ModuleId) -> bool {
+        self.removals.reports.contains_key(&module) || self.bodies.removed_run(module).is_some()
+    }
+
     /// A heartbeat of this run came, also if it was refused for a later one: what was reported before it was sent is dropped, and so is a
     /// removal that has taken effect.
     /// Enforces B5.

@@ -1,3 +1,5 @@
+use formation_model::Incarnation;
+
 use super::*;
 
 fn at(seconds: u64) -> Liveness {
@@ -20,17 +22,20 @@ fn heartbeat(incarnation: u64, sequence: u64, uptime_s: u64) -> Heartbeat {
 /// Shows M1.
 #[test]
 fn a_buffered_heartbeat_is_not_fresh() {
-    let mut peers = Peers::default();
+    let mut peers = Peers::of(ModuleId(0));
     peers
+        .table_mut()
         .handle_heartbeat(at(10), heartbeat(1, 1, 1), None)
         .unwrap();
     assert!(peers.is_live(at(14), ModuleId(1)));
     // This process slept for 20 s; the heartbeat that was sent one second after the first reaches it only now.
     peers
+        .table_mut()
         .handle_heartbeat(at(30), heartbeat(1, 2, 2), None)
         .unwrap();
     assert!(!peers.is_live(at(30), ModuleId(1)));
     peers
+        .table_mut()
         .handle_heartbeat(at(30), heartbeat(1, 3, 21), None)
         .unwrap();
     assert!(peers.is_live(at(30), ModuleId(1)));
@@ -39,14 +44,17 @@ fn a_buffered_heartbeat_is_not_fresh() {
 /// Shows C3.
 #[test]
 fn invented_modules_take_no_more_room_than_there_is() {
-    let mut peers = Peers::default();
-    peers.expect(Some(8));
+    let mut peers = Peers::of(ModuleId(0));
+    peers.table_mut().expect(Some(8));
     let mut handle = |now, module| {
         let mut heartbeat = heartbeat(1, now, now);
         heartbeat.module = ModuleId(module);
-        peers.handle_heartbeat(at(now), heartbeat, None).map(|_| ())
+        peers
+            .table_mut()
+            .handle_heartbeat(at(now), heartbeat, None)
+            .map(|_| ())
     };
-    for module in 0..1_024 {
+    for module in 1..1_025 {
         assert_eq!(handle(1, module), Ok(()));
     }
     assert_eq!(handle(2, 5_000), Err(Refusal::TooManyModules));
@@ -58,28 +66,40 @@ fn invented_modules_take_no_more_room_than_there_is() {
 /// Shows M2, M3.
 #[test]
 fn a_second_process_is_refused_until_the_first_is_silent() {
-    let mut peers = Peers::default();
+    let mut peers = Peers::of(ModuleId(0));
     let (first, second) = (Some(SourceId(1)), Some(SourceId(2)));
     peers
+        .table_mut()
         .handle_heartbeat(at(1), heartbeat(1, 1, 1), first)
         .unwrap();
     assert_eq!(
-        peers.handle_heartbeat(at(2), heartbeat(2, 1, 0), second),
+        peers
+            .table_mut()
+            .handle_heartbeat(at(2), heartbeat(2, 1, 0), second),
         Err(Refusal::DuplicateModule)
     );
     assert_eq!(
-        peers.handle_heartbeat(at(2), heartbeat(1, 2, 2), second),
+        peers
+            .table_mut()
+            .handle_heartbeat(at(2), heartbeat(1, 2, 2), second),
         Err(Refusal::WrongSource)
     );
     // What a stranger claims of its uptime is not held against it.
-    let _ = peers.handle_heartbeat(at(2), heartbeat(2, 9, 1_000_000), Some(SourceId(3)));
+    let _ =
+        peers
+            .table_mut()
+            .handle_heartbeat(at(2), heartbeat(2, 9, 1_000_000), Some(SourceId(3)));
     assert_eq!(
-        peers.handle_heartbeat(at(9), heartbeat(2, 2, 7), second),
+        peers
+            .table_mut()
+            .handle_heartbeat(at(9), heartbeat(2, 2, 7), second),
         Ok(HeartbeatNews::New)
     );
     assert!(peers.is_live(at(9), ModuleId(1)));
     assert_eq!(
-        peers.handle_heartbeat(at(9), heartbeat(1, 3, 8), first),
+        peers
+            .table_mut()
+            .handle_heartbeat(at(9), heartbeat(1, 3, 8), first),
         Err(Refusal::StaleIncarnation)
     );
 }

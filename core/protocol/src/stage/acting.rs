@@ -83,7 +83,8 @@ impl Acting {
     pub fn begin(held: HeldPlan, context: &mut Context) -> Self {
         let (now, epoch) = (context.now, held.epoch());
         let idle_at = held.idle_at(context);
-        context.peers.note_same_plan(now, &held.roster_plan.members);
+        let peers = context.peers.table_mut();
+        peers.note_same_plan(now, &held.roster_plan.members);
         let is_first = !context.session.was_in_force;
         context.session.note_in_force(&held.roster);
         context.settle_removals(&held.roster);
@@ -124,7 +125,9 @@ impl Acting {
             off_path: None,
         };
         for member in acting.held.others() {
-            acting.held.follow_place(member, context);
+            if let Some(state) = context.peers.state(member) {
+                acting.held.follow_place(state, context);
+            }
         }
         if has_place || has_steps {
             acting.report_wait(context);

@@ -452,22 +452,20 @@ impl HeldPlan {
         in_heartbeat.max(in_state).unwrap_or_default()
     }
 
-    /// All modules with their spots, in the order in which the spots are filled.
-    fn placements(&self) -> impl Iterator<Item = &(ModuleId, SpotId)> {
-        let units = self.plan.assembly.units.iter();
-        units.flat_map(|unit| &unit.placements)
-    }
-
-    /// The holders of the spots next to a spot, in the order in which the spots are filled.
-    fn adjacent_holders(&self, spot: SpotId) -> impl Iterator<Item = ModuleId> {
-        let target = self.roster.target.target.as_ref();
-        let adjacent: BTreeSet<SpotId> = target
-            .into_iter()
-            .flat_map(|target| target.neighbours_of(spot))
+    /// The holders of the spots next to a spot, in the order in which the spots are filled, each with its place.
+    fn adjacent_holders(&self, spot: SpotId) -> Vec<(Place, ModuleId)> {
+        let RosterPlan {
+            places, holders, ..
+        } = &*self.roster_plan;
+        let target = self.roster.target.target.iter();
+        let adjacent = target.flat_map(|target| target.neighbours_of(spot));
+        let adjacent = adjacent.filter_map(|spot| holders.get(&spot));
+        let mut adjacent: Vec<(Place, ModuleId)> = adjacent
+            .filter_map(|module| Some((*places.get(module)?, *module)))
             .collect();
-        self.placements()
-            .filter(move |(_, spot)| adjacent.contains(spot))
-            .map(|&(module, _)| module)
+        adjacent.sort_unstable_by_key(|(place, _)| place.order);
+        adjacent.dedup_by_key(|(place, _)| place.order);
+        adjacent
     }
 
     /// The adjacent holders that are placed before this module: the ones to which it docks.
@@ -477,14 +475,11 @@ impl HeldPlan {
 
     /// The holders next to a module's spot that are placed before it.
     pub(super) fn partners_of(&self, own: ModuleId, spot: SpotId) -> Vec<ModuleId> {
-        let earlier: BTreeSet<ModuleId> = self
-            .placements()
-            .map(|&(module, _)| module)
-            .take_while(|&module| module != own)
-            .collect();
-        self.adjacent_holders(spot)
-            .filter(|module| earlier.contains(module))
-            .collect()
+        let place = self.roster_plan.places.get(&own);
+        let order = place.map_or(usize::MAX, |place| place.order);
+        let adjacent = self.adjacent_holders(spot).into_iter();
+        let earlier = adjacent.filter(|(place, _)| place.order < order);
+        earlier.map(|(_, module)| module).collect()
     }
 
     /// Whether this module keeps its link to another while it moves.
@@ -496,17 +491,16 @@ impl HeldPlan {
     /// The modules on the spots next to the one that the plan gives to this module.
     pub fn neighbours(&self) -> Vec<ModuleId> {
         let place = self.place.iter();
-        place
-            .flat_map(|place| self.adjacent_holders(place.spot))
-            .collect()
+        let adjacent = place.flat_map(|place| self.adjacent_holders(place.spot));
+        adjacent.map(|(_, module)| module).collect()
     }
 
     /// Whether the two modules are docked at the end of the plan.
     pub fn ends_linked_to(&self, other: ModuleId) -> bool {
         self.keeps_link_to(other)
             || self.place.is_some_and(|place| {
-                let mut holders = self.adjacent_holders(place.spot);
-                holders.any(|holder| holder == other)
+                let holders = self.adjacent_holders(place.spot);
+                holders.iter().any(|&(_, holder)| holder == other)
             })
     }
 }

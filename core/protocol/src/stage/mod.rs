@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    ClosedRoster, DriveState, Epoch, ModuleId, ModulePhase, ModuleState, Pose, Roster, SpotClaim,
+    ClosedRoster, DriveState, Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim,
 };
 use formation_motion::MotionGoal;
 
@@ -147,9 +147,9 @@ impl Stage {
     }
 
     /// Compares where another module shows itself with what the plan lets it do.
-    pub fn follow_place(&mut self, module: ModuleId, context: &Context) {
+    pub fn follow_place(&mut self, state: &ModuleState, context: &Context) {
         if let Self::Acting(acting) = self {
-            acting.held.follow_place(module, context);
+            acting.held.follow_place(state, context);
         }
     }
 

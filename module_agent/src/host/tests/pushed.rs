@@ -6,9 +6,9 @@ use formation_model::MicroUnits;
 const UNIT: i64 = formation_model::MICRO_PER_UNIT;
 
 fn links_of(hosts: &[Host], module: u32) -> BTreeSet<ModuleId> {
-    let mut hosted = hosts.iter().flat_map(|host| &host.modules);
-    let found = hosted.find(|hosted| hosted.identity.module == ModuleId(module));
-    found.unwrap().agent.links().clone()
+    let mut agents = hosts.iter().flat_map(|host| host.replica.agents());
+    let found = agents.find(|agent| agent.module() == ModuleId(module));
+    found.unwrap().links().clone()
 }
 
 /// Each module is in a process of its own, so the neighbour of the one that is pushed only sees its states.
@@ -36,7 +36,7 @@ fn a_settled_module_that_is_pushed_is_torn_off_on_both_sides_and_comes_back() {
             .contains("not hosted by this process, which hosts")
     );
     let beside = {
-        let place = hosts[index].modules[0].agent.pose();
+        let place = hosts[index].replica.agents()[0].pose();
         let other = hosts[index].poses()[&neighbour].unwrap();
         (
             MicroUnits(other.x.0 - place.x.0),

@@ -90,12 +90,10 @@ impl HeldPlan {
     }
 
     /// Notes whether another member shows that it is off its way. Each judges itself, by its own tolerance.
-    pub(crate) fn follow_place(&mut self, module: ModuleId, context: &Context) {
-        let Some(state) = context.peers.state(module) else {
-            return;
-        };
-        let off = self.off_by_state(state);
-        let Some(distance) = off.filter(|_| state.drive.is_off_way()) else {
+    pub(crate) fn follow_place(&mut self, state: &ModuleState, context: &Context) {
+        let module = state.module;
+        let is_off = state.drive.is_off_way();
+        let Some(distance) = is_off.then(|| self.off_by_state(state)).flatten() else {
             self.motion.off_path.remove(&module);
             return;
         };

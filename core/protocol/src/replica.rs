@@ -1,0 +1,197 @@
+//! The replica of a process: the agents of its modules, and what these know together of their peers.
+//!
+//! Each message is recorded once, however many modules the process has, and each of these takes note of what it changes.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation_model::{Message, ModuleId, ModuleRun, ModuleState, SourceId};
+
+use super::Agent;
+use super::io::Output;
+use super::peers::{Heard, PeerTable, Seen, StateNews};
+
+/// A message that came to a process.
+#[derive(Clone, Debug)]
+pub struct Received {
+    /// The participant that sent it; `None` when the transport does not identify it.
+    pub source: Option<SourceId>,
+    /// The index of the agent that sent it, if it is one of the same process.
+    pub sender: Option<usize>,
+    /// The message.
+    pub message: Message,
+}
+
+/// The agents of a process, each with an index from 0 on.
+#[derive(Default)]
+pub struct Replica {
+    /// What they know of all that sent a message; lent to one agent at a time.
+    peers: Box<PeerTable>,
+    agents: Vec<Agent>,
+}
+
+impl Replica {
+    /// Adds an agent, which knows of the peers what the others know. It also gets what these have received of latched topics: the
+    /// transport delivers nothing to one process twice.
+    /// Enforces C5.
+    pub fn add(&mut self, now: Duration, mut agent: Agent) {
+        if self.agents.is_empty() {
+            agent.context.peers.exchange(&mut self.peers);
+            self.agents.push(agent);
+            return;
+        }
+        let latched = self.with(0, |first| first.latched());
+        // Its own table is empty.
+        agent.context.peers.exchange(&mut Box::default());
+        let index = self.agents.len();
+        self.agents.push(agent);
+        self.with(index, |agent| agent.catch_up(now, latched));
+    }
+
+    /// The agents, without their peers, for which [`Self::with`] is.
+    #[must_use]
+    pub fn agents(&self) -> &[Agent] {
+        &self.agents
+    }
+
+    /// Lets one agent act, or be asked, that knows its peers.
+    ///
+    /// # Panics
+    /// Panics if there is no agent with this index.
+    pub fn with<R>(&mut self, index: usize, act: impl FnOnce(&mut Agent) -> R) -> R {
+        let Self { peers, agents } = self;
+        let agent = &mut agents[index];
+        agent.context.peers.exchange(peers);
+        let result = act(agent);
+        agent.context.peers.exchange(peers);
+        result
+    }
+
+    /// The next output of one agent to carry out; `None` when it waits.
+    ///
+    /// # Panics
+    /// Panics if there is no agent with this index.
+    pub fn poll_output(&mut self, index: usize) -> Option<Output> {
+        self.agents[index].poll_output()
+    }
+
+    /// Handles messages that have come by the time `now`, and then does once what is due for each agent. In a large formation, to look at
+    /// all modules after each of the messages that come from all of them would take most of the time.
+    pub fn handle_messages(&mut self, now: Duration, received: impl IntoIterator<Item = Received>) {
+        for agent in &mut self.agents {
+            agent.begin_input(now);
+        }
+        // For which agents a message may change what is due.
+        let mut changed = vec![false; self.agents.len()];
+        for one in received {
+            self.handle_message(one, &mut changed);
+        }
+        for (index, changed) in changed.into_iter().enumerate() {
+            self.with(index, |agent| agent.end_input(changed));
+        }
+    }
+
+    /// Handles a message, and marks the agents for which it may change what is due.
+    fn handle_message(&mut self, received: Received, changed: &mut [bool]) {
+        let Received {
+            source,
+            sender,
+            message,
+        } = received;
+        let is_alone = self.agents.len() == 1;
+        let others = changed.iter_mut().enumerate();
+        let others = others.filter(|&(index, _)| Some(index) != sender);
+        match message {
+            Message::Heartbeat(heartbeat) if !is_alone => {
+                let record = |first: &mut Agent| first.context.record_heartbeat(source, heartbeat);
+                let heard = self.with(0, record);
+                others.for_each(|(index, changed)| *changed |= self.note_heartbeat(index, heard));
+            }
+            Message::ModuleState(state) if !is_alone => {
+                let seen = self.with(0, |first| first.context.record_state(source, state));
+                if seen.news != Ok(StateNews::Old) {
+                    others.for_each(|(index, changed)| *changed |= self.note_seen(index, &seen));
+                }
+            }
+            message => {
+                for (index, changed) in others {
+                    let message = message.clone();
+                    *changed |= self.with(index, |agent| agent.handle_message(source, message));
+                }
+            }
+        }
+    }
+
+    fn note_heartbeat(&mut self, index: usize, heard: Heard) -> bool {
+        if !self.agents[index].heeds(heard) {
+            return false;
+        }
+        self.with(index, |agent| {
+            if heard.run.module == agent.module() {
+                agent.handle_duplicate(heard.run.incarnation);
+                return true;
+            }
+            agent.note_heartbeat(heard)
+        })
+    }
+
+    fn note_seen(&mut self, index: usize, seen: &Seen) -> bool {
+        self.with(index, |agent| {
+            if seen.state.module == agent.module() {
+                agent.handle_duplicate(seen.state.incarnation);
+                return true;
+            }
+            agent.note_seen(seen)
+        })
+    }
+
+    /// A participant has left the graph by itself.
+    pub fn handle_departed(&mut self, now: Duration, source: SourceId) {
+        let mut is_any = false;
+        for index in 0..self.agents.len() {
+            self.with(index, |agent| {
+                agent.begin_input(now);
+                // What it sent for is silent once the first agent has recorded that.
+                is_any |= agent.context.record_departure(source);
+                agent.end_input(is_any);
+            });
+        }
+    }
+
+    /// The live modules, as far as their messages came, and the latest state of each. One that is alone in its process receives none of
+    /// its own messages.
+    #[must_use]
+    pub fn living(&self) -> BTreeMap<ModuleId, Option<&Arc<ModuleState>>> {
+        let liveness = self.agents.first().map(|agent| agent.context.liveness());
+        let live = liveness.map(|liveness| self.peers.live(liveness));
+        let live = live.into_iter().flatten();
+        live.map(|(module, peer)| (module, peer.state.as_ref()))
+            .collect()
+    }
+
+    /// The latest state of a live module, as [`Self::living`] has it.
+    #[must_use]
+    pub fn state(&self, module: ModuleId) -> Option<&Arc<ModuleState>> {
+        let liveness = self.agents.first()?.context.liveness();
+        let peer = self.peers.get(module)?;
+        peer.state.as_ref().filter(|_| liveness.includes(peer))
+    }
+
+    /// When the latest heartbeat of a module was sent, on the clock of the process.
+    #[must_use]
+    pub fn last_heard(&self, module: ModuleId) -> Option<Duration> {
+        let peer = self.peers.get(module)?;
+        peer.heartbeat.as_ref().map(|_| peer.last_seen())
+    }
+
+    /// The latest run of a module from which a message came, or whose body is known.
+    #[must_use]
+    pub fn latest_run_of(&self, module: ModuleId) -> Option<ModuleRun> {
+        let peer = self.peers.get(module).map(|peer| peer.incarnation);
+        let bodies = self.agents.iter();
+        let bodies = bodies.filter_map(|agent| agent.context.bodies.get(module));
+        let incarnations = bodies.map(|body| body.incarnation).chain(peer);
+        Some(module.run(incarnations.max()?))
+    }
+}
