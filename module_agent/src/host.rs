@@ -15,8 +15,8 @@ use formation_model::{
 use formation_motion::DriveCommand;
 use formation_node_support::{stamp, topics};
 use formation_protocol::{
-    Agent, AgentParameters, Command, ComputedPlan, DurableState, Identity, Input, Output, PlanJob,
-    Received, RefusalCounts, Replica, SharedPlans,
+    Agent, AgentParameters, Arrived, Command, ComputedPlan, DurableState, Identity, Input, Output,
+    PlanJob, RefusalCounts, Replica, SharedPlans,
 };
 use ros_runtime::diagnostics::Report;
 
@@ -85,7 +85,7 @@ pub(crate) struct Host {
     /// `None` if what the modules agree on ends with the process.
     journal: Option<Journal>,
     /// Messages from other processes, and from hosted modules to each other, until the modules handle them together.
-    arrived: Vec<Received>,
+    arrived: Vec<Arrived>,
     outgoing: Vec<Outgoing>,
     /// The time, as it was last told.
     now: Duration,
@@ -198,7 +198,7 @@ impl Host {
         // Alone, a module receives none of its own messages, which the newcomer is to know.
         if let [first] = &self.modules[..] {
             let state = first.state.iter().cloned().map(Message::ModuleState);
-            let received = state.map(|message| Received {
+            let received = state.map(|message| Arrived {
                 source: Some(self.source),
                 sender: Some(0),
                 message,
@@ -247,7 +247,7 @@ impl Host {
 
     /// Takes a message of another process, which the hosted modules handle when time passes.
     pub(crate) fn take_message(&mut self, source: SourceId, message: Message) {
-        self.arrived.push(Received {
+        self.arrived.push(Arrived {
             source: Some(source),
             sender: None,
             message,
@@ -547,7 +547,7 @@ impl Host {
             | Message::Removal(_) => return,
         }
         if self.modules.len() > 1 {
-            self.arrived.push(Received {
+            self.arrived.push(Arrived {
                 source: Some(self.source),
                 sender: Some(index),
                 message,

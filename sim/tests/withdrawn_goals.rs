@@ -12,7 +12,7 @@ use formation_model::{
 };
 use formation_motion::MotionReport;
 use formation_protocol::{
-    Agent, AgentParameters, Identity, Input, Mutation, Output, Received, Replica,
+    Agent, AgentParameters, Arrived, Identity, Input, Mutation, Output, Replica,
 };
 
 /// One module by itself, on the clock of the test.
@@ -50,7 +50,7 @@ impl Alone {
     }
 
     fn handle(&mut self, messages: Vec<Message>) {
-        let received = messages.into_iter().map(|message| Received {
+        let received = messages.into_iter().map(|message| Arrived {
             source: Some(SourceId(7)),
             sender: None,
             message,

@@ -62,7 +62,7 @@ pub use parameters::{AgentParameters, ParametersError};
 pub use plans::{ComputedPlan, PlanJob, SharedPlans};
 pub use quorum::Shortfall;
 pub use refusal::{Refusal, RefusalCounts};
-pub use replica::{Received, Replica};
+pub use replica::{Arrived, Replica};
 
 use formation_model::{
     Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,

@@ -14,7 +14,7 @@ use super::peers::{Heard, PeerTable, Seen, StateNews};
 
 /// A message that came to a process.
 #[derive(Clone, Debug)]
-pub struct Received {
+pub struct Arrived {
     /// The participant that sent it; `None` when the transport does not identify it.
     pub source: Option<SourceId>,
     /// The index of the agent that sent it, if it is one of the same process.
@@ -78,7 +78,7 @@ impl Replica {
 
     /// Handles messages that have come by the time `now`, and then does once what is due for each agent. In a large formation, to look at
     /// all modules after each of the messages that come from all of them would take most of the time.
-    pub fn handle_messages(&mut self, now: Duration, received: impl IntoIterator<Item = Received>) {
+    pub fn handle_messages(&mut self, now: Duration, received: impl IntoIterator<Item = Arrived>) {
         for agent in &mut self.agents {
             agent.begin_input(now);
         }
@@ -93,8 +93,8 @@ impl Replica {
     }
 
     /// Handles a message, and marks the agents for which it may change what is due.
-    fn handle_message(&mut self, received: Received, changed: &mut [bool]) {
-        let Received {
+    fn handle_message(&mut self, received: Arrived, changed: &mut [bool]) {
+        let Arrived {
             source,
             sender,
             message,

@@ -6,7 +6,7 @@ use formation_model::{
     Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose, SourceId,
 };
 use formation_protocol::{
-    Agent, AgentParameters, Command, Identity, Input, Output, Received, Replica,
+    Agent, AgentParameters, Arrived, Command, Identity, Input, Output, Replica,
 };
 
 const OWN: SourceId = SourceId(1);
@@ -55,7 +55,7 @@ fn receive(
     sender: Option<usize>,
     message: Message,
 ) {
-    let received = Received {
+    let received = Arrived {
         source: Some(source),
         sender,
         message,

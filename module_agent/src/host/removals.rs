@@ -4,7 +4,7 @@
 use formation_model::{Message, Removal, Timing};
 use formation_msgs::{RemoveModuleRequest, RemoveModuleResponse};
 use formation_node_support::removal_requests::{self, Request};
-use formation_protocol::{Agent, Received};
+use formation_protocol::{Agent, Arrived};
 use ros_runtime::service::DeclaredService;
 
 use super::Host;
@@ -41,7 +41,7 @@ impl Host {
             ));
         }
         let timing = replica.agents().first().map(Agent::timing);
-        self.arrived.push(Received {
+        self.arrived.push(Arrived {
             source: Some(self.source),
             sender: None,
             message: Message::Removal(Removal::of_body(run)),

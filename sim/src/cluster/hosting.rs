@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use formation_model::{Message, ModuleId, RosterMessage, SourceId};
-use formation_protocol::{Agent, Received, Replica};
+use formation_protocol::{Agent, Arrived, Replica};
 
 use super::Cluster;
 use crate::network::Participant;
@@ -74,11 +74,11 @@ impl Cluster {
         module: ModuleId,
         source: Option<SourceId>,
         message: Message,
-    ) -> Received {
+    ) -> Arrived {
         let first = self.hosting.first(module);
         let is_own = source.is_some() && source == self.source(Participant::Module(first));
         let author = author_of(&message).filter(|&author| self.hosting.first(author) == first);
-        Received {
+        Arrived {
             source,
             sender: (author.filter(|_| is_own)).map(|author| self.hosting.index(author)),
             message,
