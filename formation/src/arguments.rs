@@ -44,7 +44,7 @@ pub use plan::PlanArguments;
 pub use replay::ReplayArguments;
 pub use studio::StudioArguments;
 
-/// The most modules in one process: a sample carries the states of all of them, and each of them handles every message.
+/// The most modules in one process: a sample may carry the states of all of them.
 pub const MODULES_PER_PROCESS_MAX: usize = 100;
 
 /// Forms a target configuration out of robot modules over DDS or Zenoh.

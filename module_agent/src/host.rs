@@ -408,11 +408,13 @@ impl Host {
             self.all_states_due.get_or_insert(due);
         }
         let is_due = |due: &mut Duration| *due <= self.now;
-        let all = self.all_states_due.take_if(is_due).map(|_| known.cloned());
-        let all: Option<Vec<_>> = all.map(Iterator::collect);
-        let samples = [(!new.is_empty()).then_some(new), all];
-        let samples = samples.into_iter().flatten();
-        self.outgoing.extend(samples.map(Outgoing::ModuleStates));
+        let sample = match self.all_states_due.take_if(is_due) {
+            Some(_) => known.cloned().collect(),
+            None => new,
+        };
+        if !sample.is_empty() {
+            self.outgoing.push(Outgoing::ModuleStates(sample));
+        }
     }
 
     /// Uses other parameters from now on.

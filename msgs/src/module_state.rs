@@ -221,7 +221,7 @@ impl ModuleState {
 }
 
 impl ModuleStates {
-    /// One sample of the states of all modules that a process hosts, whose clock began at `clock_zero`, the time since 1970.
+    /// One sample of states of modules that a process hosts, whose clock began at `clock_zero`, the time since 1970.
     pub fn new<'a>(
         header: Header,
         clock_zero: Duration,

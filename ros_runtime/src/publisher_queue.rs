@@ -78,7 +78,7 @@ impl<M: 'static> PublisherQueue<M> {
         if queue.waiting.len() >= capacity {
             queue.waiting.pop_front();
             let mut statistics = queue.statistics.borrow_mut();
-            // A queue of one holds a state, which a newer state replaces.
+            // What a queue of one holds is repeated, or replaced by what is newer.
             if capacity == 1 {
                 statistics.on(topic).superseded += 1;
             } else {

@@ -421,15 +421,15 @@ impl Agent {
         self.note_seen(&seen)
     }
 
-    /// Takes note of a state; one that is known already changes nothing that is due. A process sends the states of all its modules
-    /// when one of them changes, so most of those that arrive are known.
+    /// Takes note of a state; one that is known already changes nothing that is due. A process repeats
+    /// the states of all its modules.
     fn note_seen(&mut self, seen: &Seen) -> bool {
         let Seen { state, news } = seen;
         let run = state.module.run(state.incarnation);
         match *news {
             Ok(StateNews::Old) => return false,
             Ok(news) => {
-                if news == StateNews::OfRun {
+                if news == StateNews::OfRun || self.context.bodies.is_of_later_run(run) {
                     self.context.note_run(run, state.digest.is_some());
                 }
                 self.note_body(state);

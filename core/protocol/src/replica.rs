@@ -104,8 +104,11 @@ impl Replica {
         let others = others.filter(|&(index, _)| Some(index) != sender);
         match message {
             Message::Heartbeat(heartbeat) if !is_alone => {
-                let record = |first: &mut Agent| first.context.record_heartbeat(source, heartbeat);
-                let heard = self.with(0, record);
+                // Others may not know yet who votes.
+                let knows = |agent: &Agent| agent.context.session.voters_digest() != 0;
+                let knows = self.agents.iter().position(knows).unwrap_or_default();
+                let record = |agent: &mut Agent| agent.context.record_heartbeat(source, heartbeat);
+                let heard = self.with(knows, record);
                 others.for_each(|(index, changed)| *changed |= self.note_heartbeat(index, heard));
             }
             Message::ModuleState(state) if !is_alone => {
@@ -124,11 +127,14 @@ impl Replica {
     }
 
     fn note_heartbeat(&mut self, index: usize, heard: Heard) -> bool {
-        if !self.agents[index].heeds(heard) {
+        let agent = &self.agents[index];
+        // A second process that sends as this module is no peer of it, even if it is live for the others.
+        let is_own = heard.run.module == agent.module();
+        if !is_own && !agent.heeds(heard) {
             return false;
         }
         self.with(index, |agent| {
-            if heard.run.module == agent.module() {
+            if is_own {
                 agent.handle_duplicate(heard.run.incarnation);
                 return true;
             }

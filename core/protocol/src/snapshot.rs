@@ -30,7 +30,7 @@ impl Agent {
     pub(super) fn catch_up(&mut self, now: Duration, latched: Vec<(Option<SourceId>, Message)>) {
         self.begin_input(now);
         let (mut seen, mut heard) = (Vec::new(), Vec::new());
-        for (_, peer) in self.context.peers.live(self.context.liveness()) {
+        for peer in self.context.peers.all() {
             seen.extend(peer.state.as_ref().map(Seen::of));
             heard.extend(peer.heartbeat.as_ref().map(Heard::of));
         }

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use formation_model::{
-    Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose, SourceId,
+    BodyReport, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose,
+    SourceId, Whereabouts,
 };
 use formation_protocol::{
     Agent, AgentParameters, Arrived, Command, Identity, Input, Output, Replica,
@@ -114,6 +115,34 @@ fn a_duplicate_of_one_module_silences_that_alone() {
         }
     }
     assert_eq!(senders, [ModuleId(4)]);
+}
+
+/// Shows M4, M7.
+#[test]
+fn a_module_stands_back_while_a_later_run_sends_that_the_process_knows_as_that_module() {
+    let mut replica = replica();
+    let later = BodyReport {
+        module: ModuleId(5),
+        incarnation: Incarnation(9),
+        epoch: None,
+        sequence: 1,
+        whereabouts: Whereabouts::Seen(Pose::default()),
+    };
+    let naming = ModuleState {
+        sequence: 1,
+        bodies: vec![later],
+        ..ModuleState::standing(ModuleId(8).run(Incarnation(1)), Pose::default())
+    };
+    for second in 1..30 {
+        receive(&mut replica, at(second), OTHER, None, beat(5, 9, second));
+        if second == 2 {
+            let naming = Message::ModuleState(naming.clone().into());
+            receive(&mut replica, at(second), OTHER, None, naming);
+        }
+        replica.with(1, |agent| agent.handle(at(second), Input::Timeout));
+        let own = replica.agents()[1].run().incarnation;
+        assert_eq!(own, Incarnation(5), "after {second} s");
+    }
 }
 
 /// Shows C5.

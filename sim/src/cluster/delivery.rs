@@ -150,6 +150,7 @@ impl Cluster {
                 self.send(Channel { from, to, topic }, sample, message.clone());
             } else if self.hosting.together(to).len() > 1 {
                 let source = self.source(from);
+                self.note_sighting(to, message);
                 let message = message.clone();
                 if let Some(process) = self.processes.get_mut(&to) {
                     process.inbox.add(Input::Message { source, message });

@@ -58,11 +58,7 @@ impl Cluster {
         let is_skipped =
             self.transport.is_replaced(channel, delivery.sample) && self.random.below(2) == 0;
         if !is_skipped && self.process_run_of(channel.to) == Some(delivery.reader) {
-            if let Message::ModuleState(state) = &delivery.message {
-                for run in self.runs_of_process(channel.to) {
-                    self.sightings.entry(run).or_default().insert(state.module);
-                }
-            }
+            self.note_sighting(channel.to, &delivery.message);
             let (source, message) = (delivery.source, delivery.message);
             let is_heartbeat = matches!(message, Message::Heartbeat(_));
             self.input(channel.to, Input::Message { source, message });
@@ -74,6 +70,15 @@ impl Cluster {
                 {
                     process.has_just_woken = false;
                 }
+            }
+        }
+    }
+
+    /// A message reaches the modules of a process, which know from then on of a module if it is a state of that.
+    pub(super) fn note_sighting(&mut self, module: ModuleId, message: &Message) {
+        if let Message::ModuleState(state) = message {
+            for run in self.runs_of_process(module) {
+                self.sightings.entry(run).or_default().insert(state.module);
             }
         }
     }

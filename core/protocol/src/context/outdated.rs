@@ -61,6 +61,12 @@ impl Bodies {
         report
     }
 
+    /// Whether what is known of a module's body is of a later run than this one.
+    pub(crate) fn is_of_later_run(&self, run: ModuleRun) -> bool {
+        let known = self.get(run.module);
+        known.is_some_and(|known| known.incarnation > run.incarnation)
+    }
+
     /// The reports that make former runs with later numbers known to those that send.
     pub fn of_outdated_runs(&self) -> Vec<BodyReport> {
         let modules = self.outdated.keys();
