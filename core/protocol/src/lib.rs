@@ -412,20 +412,23 @@ impl Agent {
         self.context.is_plausible(revision) || revision <= known.saturating_add(REVISION_STEP_MAX)
     }
 
+    /// Handles a state. What a second process sends as this module is not recorded: to this one that is no peer.
     fn handle_state(&mut self, source: Option<SourceId>, state: Arc<ModuleState>) -> bool {
-        if state.module == self.module() {
-            self.handle_duplicate(state.incarnation);
-            return true;
-        }
-        let seen = self.context.record_state(source, state);
+        let seen = match state.module == self.module() {
+            true => Seen::of(&state),
+            false => self.context.record_state(source, state),
+        };
         self.note_seen(&seen)
     }
 
-    /// Takes note of a state; one that is known already changes nothing that is due. A process repeats
-    /// the states of all its modules.
+    /// Takes note of a state; one that is known already changes nothing that is due. A process repeats the states of all its modules.
     fn note_seen(&mut self, seen: &Seen) -> bool {
         let Seen { state, news } = seen;
         let run = state.module.run(state.incarnation);
+        if run.module == self.module() {
+            self.handle_duplicate(run.incarnation);
+            return true;
+        }
         match *news {
             Ok(StateNews::Old) => return false,
             Ok(news) => {
@@ -449,12 +452,12 @@ impl Agent {
         }
     }
 
+    /// The same for a heartbeat.
     fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
-        if heartbeat.module == self.module() {
-            self.handle_duplicate(heartbeat.incarnation);
-            return true;
-        }
-        let heard = self.context.record_heartbeat(source, heartbeat);
+        let heard = match heartbeat.module == self.module() {
+            true => Heard::of(&heartbeat),
+            false => self.context.record_heartbeat(source, heartbeat),
+        };
         self.note_heartbeat(heard)
     }
 
@@ -469,6 +472,10 @@ impl Agent {
             news,
             gain,
         } = heard;
+        if run.module == self.module() {
+            self.handle_duplicate(run.incarnation);
+            return true;
+        }
         let is_clock_in_doubt = self.doubt_clock(run.module, gain);
         if news.is_ok() && self.context.is_back(run.module) {
             self.hurry_heartbeat();
@@ -520,7 +527,9 @@ impl Agent {
             Ok(HeartbeatNews::StillLive { age }) => age,
             Ok(HeartbeatNews::New) | Err(_) => return true,
         };
-        age > context.parameters.lease
+        // A second process that sends as this module may be live for the others of this process.
+        heard.run.module == self.module()
+            || age > context.parameters.lease
             || heard.gain > context.parameters.heartbeat
             || heard.stop > context.stop
             || heard.epoch > context.session.highest_epoch()

@@ -10,7 +10,7 @@ use formation_model::{Message, ModuleId, ModuleRun, ModuleState, SourceId};
 
 use super::Agent;
 use super::io::Output;
-use super::peers::{Heard, PeerTable, Seen, StateNews};
+use super::peers::{PeerTable, StateNews};
 
 /// A message that came to a process.
 #[derive(Clone, Debug)]
@@ -109,12 +109,17 @@ impl Replica {
                 let knows = self.agents.iter().position(knows).unwrap_or_default();
                 let record = |agent: &mut Agent| agent.context.record_heartbeat(source, heartbeat);
                 let heard = self.with(knows, record);
-                others.for_each(|(index, changed)| *changed |= self.note_heartbeat(index, heard));
+                for (index, changed) in others {
+                    *changed |= self.agents[index].heeds(heard)
+                        && self.with(index, |agent| agent.note_heartbeat(heard));
+                }
             }
             Message::ModuleState(state) if !is_alone => {
                 let seen = self.with(0, |first| first.context.record_state(source, state));
                 if seen.news != Ok(StateNews::Old) {
-                    others.for_each(|(index, changed)| *changed |= self.note_seen(index, &seen));
+                    for (index, changed) in others {
+                        *changed |= self.with(index, |agent| agent.note_seen(&seen));
+                    }
                 }
             }
             message => {
@@ -124,32 +129,6 @@ impl Replica {
                 }
             }
         }
-    }
-
-    fn note_heartbeat(&mut self, index: usize, heard: Heard) -> bool {
-        let agent = &self.agents[index];
-        // A second process that sends as this module is no peer of it, even if it is live for the others.
-        let is_own = heard.run.module == agent.module();
-        if !is_own && !agent.heeds(heard) {
-            return false;
-        }
-        self.with(index, |agent| {
-            if is_own {
-                agent.handle_duplicate(heard.run.incarnation);
-                return true;
-            }
-            agent.note_heartbeat(heard)
-        })
-    }
-
-    fn note_seen(&mut self, index: usize, seen: &Seen) -> bool {
-        self.with(index, |agent| {
-            if seen.state.module == agent.module() {
-                agent.handle_duplicate(seen.state.incarnation);
-                return true;
-            }
-            agent.note_seen(seen)
-        })
     }
 
     /// A participant has left the graph by itself.

@@ -1,13 +1,12 @@
 //! What a process knows of its peers; all modules that it hosts share it.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
     Heartbeat, Incarnation, MODULES_MAX, ModuleId, ModuleRun, ModuleState, SourceId,
 };
-
-use std::sync::Arc;
 
 use super::{HeartbeatNews, Liveness, PEERS_MIN, SILENCES_REMEMBERED, ShownChanges, StateNews};
 use crate::peer::{Peer, state_of, without_proofs};
