@@ -89,7 +89,7 @@ pub(crate) struct Host {
     outgoing: Vec<Outgoing>,
     /// The time, as it was last told.
     now: Duration,
-    /// When a sample of all states is due, as the last one lists only those that were new. A late subscriber gets the last one.
+    /// When a sample of all states is due, as the last one, which a late subscriber gets, lists only those that were new.
     all_states_due: Option<Duration>,
     /// For how long the clock stood still, if the modules have found that it did: new runs are to begin.
     stood_still: Option<Duration>,
@@ -388,15 +388,12 @@ impl Host {
 
     /// Makes one sample of the states that are new, and one of all when it is due.
     fn gather_states(&mut self) {
-        let modules = self.modules.iter_mut();
-        let new: Vec<Arc<ModuleState>> = modules
-            .filter_map(|hosted| {
-                let state = hosted.state.as_ref();
-                state
-                    .filter(|_| std::mem::take(&mut hosted.state_is_new))
-                    .cloned()
-            })
-            .collect();
+        let mut new: Vec<Arc<ModuleState>> = Vec::new();
+        for hosted in &mut self.modules {
+            if std::mem::take(&mut hosted.state_is_new) {
+                new.extend(hosted.state.clone());
+            }
+        }
         let known = self
             .modules
             .iter()
