@@ -12,6 +12,7 @@ use formation_planner::plan;
 
 use crate::support::Numbers;
 use crate::support::bodies::MEASURED_BODY;
+use crate::support::exact::{contact_with_standing, overlap_at};
 use crate::support::motion::{
     assert_sound, assert_sound_within, cases, motion, run, run_with_bodies, waits_of,
 };
@@ -341,4 +342,29 @@ configurations:
         first[..],
         [StepKind::Shift, StepKind::Turn { .. }]
     ));
+}
+
+/// Beside a body that stays, a module has no room to turn. Wherever it stands there, and however it is turned, it shifts away without
+/// touching that body, or says that it cannot.
+#[test]
+fn a_module_shifts_away_from_a_body_beside_it_without_touching_it() {
+    let beside = Pose::from_units(0.0, 0.0, 0.0).unwrap();
+    let obstacles = [Area::of_body(&beside, BODY_WIDTH)];
+    let mut ways = 0;
+    let steps = |first: f64, count: u32| (0..count).map(move |step| first + f64::from(step) * 0.04);
+    for heading in [0.2, 0.391626, 0.7, -0.4] {
+        for (x, y) in steps(0.92, 6).flat_map(|x| steps(-0.8, 40).map(move |y| (x, y))) {
+            let problem = row(&[(6.0, 0.0)], &[(x, y, heading)]);
+            if overlap_at(&problem.modules()[0].pose, &beside, problem.target()) {
+                continue;
+            }
+            let outcome = plan(Arc::clone(&problem));
+            let found = motion(&problem, &outcome, &obstacles, MotionParameters::default());
+            let Ok(found) = found else { continue };
+            let contact = contact_with_standing(&found, problem.target(), &[beside]);
+            assert_eq!(contact, None, "from {x} {y} {heading}");
+            ways += 1;
+        }
+    }
+    assert!(ways > 100, "{ways}");
 }

@@ -108,13 +108,11 @@ impl<'a> LatticeRequest<'a> {
                 .collect()
         };
         let stands = resting.standing(problem, &spot_of);
-        let tolerance = request.parameters.tolerance;
-        let is_open = |shape: &Shape| request.is_open(shape);
         let rest = AtRest {
             bodies: &resting,
             stands: &stands,
         };
-        let groups = align(problem, &lattice, &rest, tolerance, whole, is_open);
+        let groups = align(request, &lattice, &rest, whole);
         let groups = groups.map_err(MotionError::Starts)?;
         let mut group_of = vec![0; problem.modules().len()];
         let mut starts = vec![(0, 0); problem.modules().len()];

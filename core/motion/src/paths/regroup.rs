@@ -7,7 +7,7 @@ use super::group::Group;
 use super::lattice::{Lattice, Site, point};
 use super::rectangle::HALF;
 use super::resting::Form;
-use super::result::StartFault;
+use super::result::{MotionRequest, StartFault};
 use super::shape::Shape;
 use formation_model::PlanningProblem;
 use formation_model::turning::{Point, off_quarter};
@@ -22,31 +22,30 @@ const FAR_OF_GROUPS: i64 = 5;
 const LEAVING: i64 = 100_000;
 
 /// Where modules may regroup: what others cover, and the cells that they take.
-pub(super) struct RegroupingGround<'a, Open> {
+pub(super) struct RegroupingGround<'a> {
+    request: &'a MotionRequest<'a>,
     problem: &'a PlanningProblem,
     lattice: &'a Lattice,
     form: Form,
     slack: i64,
-    is_open: Open,
     /// What the modules of a group cover, and which they are.
     covered: Vec<(Vec<usize>, Shape)>,
     taken: BTreeSet<Site>,
 }
 
-impl<'a, Open: Fn(&Shape) -> bool> RegroupingGround<'a, Open> {
-    /// Without any modules. `is_open` says whether a shape is free of obstacles and within the walls.
+impl<'a> RegroupingGround<'a> {
+    /// Without any modules.
     pub fn new(
-        problem: &'a PlanningProblem,
+        request: &'a MotionRequest<'a>,
         (lattice, form): (&'a Lattice, Form),
         slack: i64,
-        is_open: Open,
     ) -> Self {
         Self {
-            problem,
+            request,
+            problem: request.problem,
             lattice,
             form,
             slack,
-            is_open,
             covered: Vec::new(),
             taken: BTreeSet::new(),
         }
@@ -105,7 +104,7 @@ impl<'a, Open: Fn(&Shape) -> bool> RegroupingGround<'a, Open> {
     /// Whether some modules cover nothing of others, of obstacles or of what is beyond the walls, with a shape.
     fn is_clear(&self, modules: &[usize], shape: &Shape) -> bool {
         let mut others = self.covered.iter().filter(|(its, _)| its != modules);
-        (self.is_open)(shape) && others.all(|(_, body)| !shape.overlaps(body, self.slack))
+        self.request.is_open(shape) && others.all(|(_, body)| !shape.overlaps(body, self.slack))
     }
 
     /// Whether a module can shift so far from where it stands, with its whole cell past other modules.
@@ -114,13 +113,23 @@ impl<'a, Open: Fn(&Shape) -> bool> RegroupingGround<'a, Open> {
         let way = self.outline(module, HALF).moved(((0, 0), by));
         let mut others = self.covered.iter().filter(|(its, _)| its != modules);
         let is_clear = others.all(|(_, other)| !way.overlaps(other, self.slack));
-        // Obstacles are drawn a little larger than the bodies that they stand for, and one that was docked may have been halted at
-        // another moment: it is left behind within the first tenth of a unit.
         let length = i64::max(by.0.abs(), by.1.abs()).max(1);
         let leaving = |along: i64| along * LEAVING.min(length) / length;
         let left = (leaving(by.0), leaving(by.1));
         let rest = self.outline(module, HALF.midpoint(half)).shifted(left);
-        is_clear && (self.is_open)(&rest.moved((left, by)))
+        is_clear
+            && self.leaves_obstacles(module, left)
+            && self.request.is_open(&rest.moved((left, by)))
+    }
+
+    /// Whether the body of a module meets no obstacle while it shifts so far. Obstacles are drawn a little larger than the bodies that
+    /// they stand for, and one that was docked may have been halted at another moment: those are left behind.
+    fn leaves_obstacles(&self, module: usize, by: Point) -> bool {
+        let half = self.problem.target().surroundings().body_width().0 / 2;
+        let body = self.outline(module, half);
+        let way = body.clone().moved(((0, 0), by));
+        let mut met = self.request.blocking(&way);
+        met.all(|obstacle| body.overlaps(&obstacle, 0) && body.leaves(&obstacle, self.slack, by))
     }
 
     /// What a module would cover where it stands if its body were so wide.
@@ -165,7 +174,7 @@ impl<'a, Open: Fn(&Shape) -> bool> RegroupingGround<'a, Open> {
 }
 
 /// A module that is turned against the lattice shifts to a cell as it is, and turns there.
-impl<Open: Fn(&Shape) -> bool> RegroupingGround<'_, Open> {
+impl RegroupingGround<'_> {
     fn entry(&self, module: usize) -> Option<Group> {
         let pose = &self.problem.modules()[module].pose;
         let turn = -off_quarter(pose.theta.0);

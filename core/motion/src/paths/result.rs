@@ -54,17 +54,25 @@ pub struct MotionRequest<'a> {
 impl MotionRequest<'_> {
     /// Whether the inside of a shape is free of obstacles and within the walls.
     pub(super) fn is_open(&self, shape: &Shape) -> bool {
+        self.blocking(shape).next().is_none() && self.is_within_walls(shape)
+    }
+
+    /// The obstacles that a shape reaches into.
+    pub(super) fn blocking(&self, shape: &Shape) -> impl Iterator<Item = Shape> {
         let bounds = shape.bounds();
-        let (low, high) = bounds;
-        let covers = |area: &Area| {
-            let corners = area.corners();
-            overlap(&bounds, &corners, 0) && shape.overlaps(&Shape::rectangle(corners), 0)
-        };
+        let obstacles = self.obstacles.iter().map(Area::corners);
+        let near = obstacles.filter(move |corners| overlap(&bounds, corners, 0));
+        let near = near.map(Shape::rectangle);
+        near.filter(|obstacle| shape.overlaps(obstacle, 0))
+    }
+
+    fn is_within_walls(&self, shape: &Shape) -> bool {
+        let (low, high) = shape.bounds();
         let is_within = |walls: &Area| {
             let (from, to) = walls.corners();
             low.0 >= from.0 && low.1 >= from.1 && high.0 <= to.0 && high.1 <= to.1
         };
-        !self.obstacles.iter().any(covers) && self.walls.iter().all(is_within)
+        self.walls.iter().all(is_within)
     }
 }
 

@@ -87,38 +87,59 @@ impl Shape {
         if !overlap(&self.bounds(), &other.bounds(), slack) {
             return false;
         }
-        let apart = i128::from(self.radius + other.radius - slack);
-        let is_apart_along = |(x, y): Point| {
-            let along = |point: &Point| {
-                i128::from(point.0) * i128::from(x) + i128::from(point.1) * i128::from(y)
-            };
-            let range = |points: &[Point]| {
-                let all = || points.iter().map(along);
-                (
-                    all().min().unwrap_or_default(),
-                    all().max().unwrap_or_default(),
-                )
-            };
-            let (own, its) = (range(&self.points), range(&other.points));
-            // Both times the length of the direction, `needed` squared.
-            let gap = (its.0 - own.1).max(own.0 - its.1);
-            let needed = apart.pow(2) * (i128::from(x).pow(2) + i128::from(y).pow(2));
-            if apart < 0 {
-                gap >= 0 || gap.pow(2) <= needed
-            } else {
-                gap >= 0 && gap.pow(2) >= needed
-            }
+        let mut directions = self.directions_to(other);
+        !directions.any(|direction| self.side_along(other, slack, direction).is_some())
+    }
+
+    /// Whether a shape overlaps another by no more than some slack now, and along the same direction never by more while it moves
+    /// straight ahead by so much.
+    pub fn leaves(&self, other: &Self, slack: i64, by: Point) -> bool {
+        let ahead = |(x, y): Point| {
+            let along = i128::from(by.0) * i128::from(x) + i128::from(by.1) * i128::from(y);
+            along.signum()
         };
+        self.directions_to(other).any(|direction| {
+            let side = self.side_along(other, slack, direction);
+            side.is_some_and(|side| side * ahead(direction) >= 0)
+        })
+    }
+
+    /// On which side of another this shape is, if the two overlap by no more than some slack along a direction: 1 if it lies ahead in
+    /// that direction, -1 if it lies behind.
+    fn side_along(&self, other: &Self, slack: i64, (x, y): Point) -> Option<i128> {
+        let apart = i128::from(self.radius + other.radius - slack);
+        let along = |point: &Point| {
+            i128::from(point.0) * i128::from(x) + i128::from(point.1) * i128::from(y)
+        };
+        let range = |points: &[Point]| {
+            let all = || points.iter().map(along);
+            (
+                all().min().unwrap_or_default(),
+                all().max().unwrap_or_default(),
+            )
+        };
+        let (own, its) = (range(&self.points), range(&other.points));
+        let (behind, ahead) = (its.0 - own.1, own.0 - its.1);
+        // Both times the length of the direction, `needed` squared.
+        let gap = behind.max(ahead);
+        let needed = apart.pow(2) * (i128::from(x).pow(2) + i128::from(y).pow(2));
+        let is_apart = if apart < 0 {
+            gap >= 0 || gap.pow(2) <= needed
+        } else {
+            gap >= 0 && gap.pow(2) >= needed
+        };
+        is_apart.then_some(if ahead >= behind { 1 } else { -1 })
+    }
+
+    /// The directions in which this shape and another may overlap least.
+    fn directions_to(&self, other: &Self) -> impl Iterator<Item = Point> {
         let corners = self.points.iter().flat_map(|own| {
             let others = other.points.iter();
             others.map(|its| (its.0 - own.0, its.1 - own.1))
         });
-        let mut directions = self
-            .across_sides()
-            .chain(other.across_sides())
-            .chain(corners)
-            .filter(|&direction| direction != (0, 0));
-        !directions.any(is_apart_along)
+        let sides = self.across_sides().chain(other.across_sides());
+        let directions = sides.chain(corners);
+        directions.filter(|&direction| direction != (0, 0))
     }
 
     /// Directions at right angles to the lines between its points, the sides among them.

@@ -16,31 +16,28 @@ use super::lattice::{Lattice, point};
 use super::rectangle::{HALF, Rectangle, overlap, square};
 use super::regroup::RegroupingGround;
 use super::resting::{AtRest, slack};
-use super::result::StartFault;
+use super::result::{MotionRequest, StartFault};
 use super::shape::Shape;
 use formation_model::turning::Point;
-use formation_model::{MicroUnits, PlanningProblem, Pose};
+use formation_model::{PlanningProblem, Pose};
 
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
-/// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan, `is_open` whether a
-/// shape is free of obstacles and within the walls.
+/// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan.
 /// Enforces X10.
 pub(super) fn align(
-    problem: &PlanningProblem,
+    request: &MotionRequest,
     lattice: &Lattice,
     resting: &AtRest,
-    tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
-    is_open: impl Fn(&Shape) -> bool,
 ) -> Result<Vec<Group>, Vec<StartFault>> {
+    let (problem, tolerance) = (request.problem, request.parameters.tolerance);
     let slack = slack(problem, tolerance.0);
     let exactness = Exactness {
         tolerance: tolerance.0,
         slack,
     };
-    let (mut groups, mut faults) =
-        groups_of(problem, (lattice, resting), exactness, spots_of, is_open);
+    let (mut groups, mut faults) = groups_of(request, (lattice, resting), exactness, spots_of);
     groups.sort_by_key(|group| group.modules[0]);
     for group in &mut groups {
         if !group.ways.is_empty() {
@@ -79,12 +76,12 @@ pub(super) fn align(
 
 /// The groups, and what keeps modules from being in one.
 fn groups_of(
-    problem: &PlanningProblem,
+    request: &MotionRequest,
     (lattice, resting): (&Lattice, &AtRest),
     exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
-    is_open: impl Fn(&Shape) -> bool,
 ) -> (Vec<Group>, Vec<StartFault>) {
+    let problem = request.problem;
     let mut groups = Vec::new();
     let mut faults = Vec::new();
     let mut is_grouped = vec![false; problem.modules().len()];
@@ -134,16 +131,12 @@ fn groups_of(
     let cramped = cramped.into_iter().map(|(group, _)| group);
     loose.extend(cramped.map(|group| (group.modules.clone(), Some(group))));
     let groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
-    let narrow = without_room(problem, &groups, exactness.slack, &is_open);
+    let narrow = without_room(request, &groups, exactness.slack);
     let (narrow, rest): (Vec<_>, Vec<_>) =
         (groups.into_iter().zip(narrow)).partition(|&(_, is_narrow)| is_narrow);
     let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
-    let mut ground = RegroupingGround::new(
-        problem,
-        (lattice, resting.bodies.form),
-        exactness.slack,
-        is_open,
-    );
+    let mut ground =
+        RegroupingGround::new(request, (lattice, resting.bodies.form), exactness.slack);
     for group in &groups {
         ground.take(group);
     }
@@ -212,17 +205,13 @@ fn cramped(problem: &PlanningProblem, groups: &[Group], is_round: bool, slack: i
 }
 
 /// Which groups have no room to turn where they stand: an obstacle or another group reaches into their circle.
-fn without_room(
-    problem: &PlanningProblem,
-    groups: &[Group],
-    slack: i64,
-    is_open: &impl Fn(&Shape) -> bool,
-) -> Vec<bool> {
+fn without_room(request: &MotionRequest, groups: &[Group], slack: i64) -> Vec<bool> {
+    let is_open = |body: &Shape| request.is_open(body);
     let turns = |group: &Group| group.turn != 0 && group.at_rest.is_none() && group.ways.is_empty();
     let is_closed = |group: &Group| turns(group) && !group.bodies().iter().all(is_open);
     let mut narrow: Vec<bool> = groups.iter().map(is_closed).collect();
     for (low, high) in near_pairs(groups) {
-        let fault = not_apart(problem, &groups[low], &groups[high], slack);
+        let fault = not_apart(request.problem, &groups[low], &groups[high], slack);
         if matches!(fault, Some(StartFault::NotApart(..))) {
             for group in [low, high] {
                 narrow[group] |= turns(&groups[group]);

@@ -21,6 +21,11 @@ enum Placed {
     Disc(f64, f64, f64, usize),
 }
 
+/// What a body covers that stands at a pose.
+fn body_at(pose: &Pose) -> Placed {
+    Placed::Body(pose.x.to_units(), pose.y.to_units(), pose.theta.to_units())
+}
+
 /// Where a module is at a time.
 fn placed(
     unit: &UnitMotion,
@@ -30,8 +35,6 @@ fn placed(
     time: f64,
 ) -> Placed {
     let done = times.iter().take_while(|(_, end)| *end <= time).count();
-    let body =
-        |pose: &Pose| Placed::Body(pose.x.to_units(), pose.y.to_units(), pose.theta.to_units());
     let from = &module.waypoints[done].pose;
     let is_fold = |step: usize| {
         matches!(
@@ -44,7 +47,7 @@ fn placed(
     let step = unit.steps.get(done).zip(times.get(done));
     let Some((step, &(begin, end))) = step.filter(|(_, times)| times.0 <= time || halves % 2 == 1)
     else {
-        return body(from);
+        return body_at(from);
     };
     let to = &module.waypoints[done + 1].pose;
     let share = ((time - begin) / (end - begin)).max(0.0);
@@ -115,8 +118,13 @@ fn overlap(one: Placed, other: Placed, shape: BodyShape, width: f64) -> bool {
     }
 }
 
-/// The first overlap of two bodies in an execution.
-fn first_contact(plan: &MotionPlan, target: &Target, execution: &Execution) -> Option<String> {
+/// The first overlap of two bodies in an execution, or of one with a body that stands at one of these poses.
+fn first_contact(
+    plan: &MotionPlan,
+    target: &Target,
+    execution: &Execution,
+    standing: &[Pose],
+) -> Option<String> {
     let shape = target.surroundings().body();
     let width = target.surroundings().body_width().to_units();
     let end = execution
@@ -130,13 +138,17 @@ fn first_contact(plan: &MotionPlan, target: &Target, execution: &Execution) -> O
         .take_while(|&time| time < end + STRIDE)
         .find_map(|time| {
             let units = plan.units.iter().zip(&execution.times).enumerate();
-            let all: Vec<_> = units
-                .flat_map(|(index, (unit, times))| {
-                    let modules = unit.modules.iter();
-                    modules.map(move |module| {
-                        (module.module, placed(unit, index, module, times, time))
-                    })
+            let moving = units.flat_map(|(index, (unit, times))| {
+                let modules = unit.modules.iter();
+                modules.map(move |module| {
+                    let place = placed(unit, index, module, times, time);
+                    (Some(module.module), place)
                 })
+            });
+            let all: Vec<_> = standing
+                .iter()
+                .map(|pose| (None, body_at(pose)))
+                .chain(moving)
                 .collect();
             all.iter().enumerate().find_map(|(index, one)| {
                 let mut before = all[..index].iter();
@@ -162,6 +174,27 @@ pub fn contact(
         };
         let execution = execute(plan, &waits, delays, numbers);
         let execution = execution.unwrap_or_else(|stuck| panic!("deadlock of {stuck:?}"));
-        first_contact(plan, target, &execution)
+        first_contact(plan, target, &execution, &[])
     })
+}
+
+/// Whether bodies of a target at two poses overlap.
+pub fn overlap_at(one: &Pose, other: &Pose, target: &Target) -> bool {
+    let (shape, width) = (
+        target.surroundings().body(),
+        target.surroundings().body_width(),
+    );
+    overlap(body_at(one), body_at(other), shape, width.to_units())
+}
+
+/// Executes a plan once; the first contact of bodies, those that stand at these poses among them.
+pub fn contact_with_standing(
+    plan: &MotionPlan,
+    target: &Target,
+    standing: &[Pose],
+) -> Option<String> {
+    let mut numbers = Numbers(1);
+    let execution = execute(plan, &waits_of(plan), Delays::None, &mut numbers);
+    let execution = execution.unwrap_or_else(|stuck| panic!("deadlock of {stuck:?}"));
+    first_contact(plan, target, &execution, standing)
 }
