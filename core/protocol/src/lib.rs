@@ -25,6 +25,7 @@ mod context;
 mod convening;
 mod durable;
 mod event;
+mod indexed_motion;
 mod io;
 mod known_target;
 mod member_bodies;

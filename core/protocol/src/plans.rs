@@ -18,6 +18,7 @@ use formation_model::{ClosedRoster, ModuleId, Plan, PlanningProblem, digest};
 use formation_motion::PlannedMotion;
 use formation_planner::{PlannedTurns, plan_releasing_pins};
 
+use super::indexed_motion::IndexedMotion;
 use super::roster_plan::RosterPlan;
 
 /// The number of plans that are kept for other agents and for the next epoch.
@@ -36,7 +37,7 @@ pub struct PlanJob {
 pub struct ComputedPlan {
     job: PlanJob,
     turns: PlannedTurns,
-    motion: Arc<PlannedMotion>,
+    motion: Arc<IndexedMotion>,
     plan: Arc<Plan>,
     /// What follows with the first roster that it was computed for.
     for_roster: OnceLock<(Arc<ClosedRoster>, Arc<RosterPlan>)>,
@@ -73,7 +74,7 @@ impl PlanJob {
         ComputedPlan {
             job: self,
             turns: turns.with_swaps(&plan.swaps),
-            motion: Arc::new(motion),
+            motion: Arc::new(IndexedMotion::of(motion)),
             plan: Arc::new(plan),
             for_roster: OnceLock::new(),
         }
@@ -87,7 +88,7 @@ impl ComputedPlan {
     }
 
     /// How the modules move.
-    pub(super) fn motion(&self) -> &Arc<PlannedMotion> {
+    pub(super) fn motion(&self) -> &Arc<IndexedMotion> {
         &self.motion
     }
 
@@ -101,7 +102,11 @@ impl ComputedPlan {
     /// Enforces T5.
     pub(super) fn for_roster(&self, roster: &Arc<ClosedRoster>) -> Arc<RosterPlan> {
         let compute = || {
-            let digest = digest::of_plan(roster, self.turns.decisions(), self.motion.paths());
+            let digest = digest::of_plan(
+                roster,
+                self.turns.decisions(),
+                self.motion.planned().paths(),
+            );
             Arc::new(RosterPlan::of(roster, &self.plan, digest))
         };
         let (known, shared) = self

@@ -47,6 +47,8 @@ pub(crate) struct Bodies {
     contested: Option<(Epoch, BTreeSet<ModuleId>)>,
     /// The modules whose runs send under earlier numbers than former ones had that are known.
     pub(crate) outdated: BTreeMap<ModuleId, Outdated>,
+    /// The modules of which a run became known that is later than the one known before, or the first, and that have not sent since.
+    pub(crate) risen: BTreeSet<ModuleId>,
     /// The blocked spots that were last reported.
     reported: Vec<BlockedSpot>,
     /// What was last found by [`Context::compare_bodies`].
@@ -66,7 +68,7 @@ struct Comparison {
 }
 
 impl Hash for Bodies {
-    /// The comparison follows from the rest, and the version only says whether it is up to date.
+    /// The comparison and the modules that have risen follow from the rest, and the version only says whether it is up to date.
     fn hash<H: Hasher>(&self, state: &mut H) {
         let Self {
             known,
@@ -75,6 +77,7 @@ impl Hash for Bodies {
             removals: _,
             contested,
             outdated,
+            risen: _,
             reported,
             compared: _,
         } = self;
@@ -149,7 +152,11 @@ impl Bodies {
 
     fn insert(&mut self, report: BodyReport) {
         self.version += 1;
-        self.known.insert(report.module, report);
+        let (module, incarnation) = (report.module, report.incarnation);
+        let former = self.known.insert(module, report);
+        if former.is_none_or(|former| former.incarnation < incarnation) {
+            self.risen.insert(module);
+        }
     }
 
     /// Keeps where a module shows itself. In the same epoch, that supersedes no knowledge of its plan.
@@ -174,6 +181,9 @@ impl Bodies {
             };
             if known.compare_age(&report).is_lt() {
                 self.version += 1;
+                if known.incarnation < report.incarnation {
+                    self.risen.insert(report.module);
+                }
                 *known = report;
             }
         }

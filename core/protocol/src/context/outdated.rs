@@ -62,9 +62,16 @@ impl Bodies {
     }
 
     /// Whether what is known of a module's body is of a later run than this one.
-    pub(crate) fn is_of_later_run(&self, run: ModuleRun) -> bool {
+    pub(crate) fn is_of_later_run(&mut self, run: ModuleRun) -> bool {
+        if !self.risen.contains(&run.module) {
+            return false;
+        }
         let known = self.get(run.module);
-        known.is_some_and(|known| known.incarnation > run.incarnation)
+        let is_later = known.is_some_and(|known| known.incarnation > run.incarnation);
+        if !is_later {
+            self.risen.remove(&run.module);
+        }
+        is_later
     }
 
     /// The reports that make former runs with later numbers known to those that send.

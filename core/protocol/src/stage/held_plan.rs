@@ -18,7 +18,8 @@ use super::super::peer::Peer;
 use super::super::peers::{Peers, ShownChanges};
 use super::super::plans::ComputedPlan;
 use super::super::roster_plan::{Place, RosterPlan};
-use super::route::{HeldMotion, PathPlace};
+use super::route::HeldMotion;
+use crate::indexed_motion::PathPlace;
 
 /// A complete plan and this module's place in it.
 #[derive(Clone)]
@@ -83,7 +84,7 @@ impl HeldPlan {
         Self {
             own,
             place,
-            motion: HeldMotion::of(own, Arc::clone(computed.motion())),
+            motion: HeldMotion::of(own, computed.motion()),
             digest,
             roster_plan,
             roster,
@@ -146,7 +147,7 @@ impl HeldPlan {
 
     /// Why no module moves by this plan, if so.
     pub(crate) fn refusal(&self) -> Option<&MotionError> {
-        self.motion.planned.refusal()
+        self.motion.planned.planned().refusal()
     }
 
     /// The service of this module when the roster was made.
@@ -165,7 +166,7 @@ impl HeldPlan {
 
     /// The unit of each module in the paths, and the module's own path; empty if no module moves.
     pub(crate) fn places(&self) -> BTreeMap<ModuleId, PathPlace<'_>> {
-        self.motion.places()
+        self.motion.planned.places()
     }
 
     /// Where another member, with its path if it has one, may be that was last `seen` there.

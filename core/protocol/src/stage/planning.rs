@@ -226,7 +226,7 @@ impl Planning {
         for &warning in &planned.plan().assembly.warnings {
             context.emit(Event::AssemblyWarning(warning));
         }
-        report_motion(planned.motion(), epoch, context);
+        report_motion(planned.motion().planned(), epoch, context);
         context.session.note_shown(&self.roster);
         context.mark_state_changed();
         let own = context.module();

@@ -6,72 +6,36 @@ use std::sync::Arc;
 use formation_model::{
     MICRO_PER_UNIT, MicroUnits, ModuleId, ModuleMotion, Pose, StepKind, UnitMotion,
 };
-use formation_motion::{MotionGoal, PlannedMotion};
+use formation_motion::MotionGoal;
 
 use super::off_path::OffPath;
-
-/// The unit of a module in the paths of a plan, and the module's own path.
-pub(crate) type PathPlace<'a> = (&'a UnitMotion, &'a ModuleMotion);
+use crate::indexed_motion::IndexedMotion;
 
 /// How the modules of a plan move, and what this module does.
 #[derive(Clone)]
 pub(super) struct HeldMotion {
-    pub planned: Arc<PlannedMotion>,
+    pub planned: Arc<IndexedMotion>,
     /// This module's part, if there are paths.
     pub route: Option<Route>,
-    /// The unit of each module in the paths, and its position in that.
-    index: BTreeMap<ModuleId, (usize, usize)>,
     /// The other members that are measured off their ways.
     pub off_path: BTreeMap<ModuleId, OffPath>,
 }
 
 impl HeldMotion {
     /// The motion of a plan, for one of the members.
-    pub fn of(own: ModuleId, planned: Arc<PlannedMotion>) -> Self {
+    pub fn of(own: ModuleId, planned: &Arc<IndexedMotion>) -> Self {
         Self {
-            route: Route::of(own, &planned),
-            index: index_of(&planned),
+            route: Route::of(own, planned),
             off_path: BTreeMap::new(),
-            planned,
+            planned: Arc::clone(planned),
         }
     }
-
-    /// The unit of a module in the paths, and its own path.
-    pub fn place_of(&self, module: ModuleId) -> Option<PathPlace<'_>> {
-        let &(unit, member) = self.index.get(&module)?;
-        let unit = self.planned.paths()?.units.get(unit)?;
-        Some((unit, unit.modules.get(member)?))
-    }
-
-    /// The unit of each module in the paths, and the module's own path.
-    pub fn places(&self) -> BTreeMap<ModuleId, PathPlace<'_>> {
-        let paths = self.planned.paths().into_iter();
-        let units = paths.flat_map(|paths| &paths.units);
-        units
-            .flat_map(|unit: &UnitMotion| {
-                unit.modules
-                    .iter()
-                    .map(move |one| (one.module, (unit, one)))
-            })
-            .collect()
-    }
-}
-
-fn index_of(planned: &PlannedMotion) -> BTreeMap<ModuleId, (usize, usize)> {
-    let units = planned.paths().into_iter().flat_map(|paths| &paths.units);
-    let modules = units.enumerate().flat_map(|(unit, motion)| {
-        let members = motion.modules.iter().enumerate();
-        members.map(move |(member, module)| (module.module, (unit, member)))
-    });
-    modules.collect()
 }
 
 /// The part of one module in a motion plan. Steps count from 1.
 #[derive(Clone)]
 pub(super) struct Route {
-    motion: Arc<PlannedMotion>,
-    /// The position of each unit by its lead.
-    units: BTreeMap<ModuleId, usize>,
+    motion: Arc<IndexedMotion>,
     unit: usize,
     member: usize,
     /// The steps of this module's unit for whose end other units wait.
@@ -80,21 +44,11 @@ pub(super) struct Route {
 
 impl Route {
     /// The part of a module; `None` if the plan has no paths, or none for this module.
-    pub fn of(own: ModuleId, motion: &Arc<PlannedMotion>) -> Option<Self> {
-        let units = &motion.paths()?.units;
-        let mut places = units.iter().enumerate().filter_map(|(unit, motion)| {
-            let mut modules = motion.modules.iter();
-            Some((unit, modules.position(|module| module.module == own)?))
-        });
-        let (unit, member) = places.next()?;
-        let lead = units[unit].lead;
-        let waits = units.iter().flat_map(|unit| &unit.waits);
+    pub fn of(own: ModuleId, motion: &Arc<IndexedMotion>) -> Option<Self> {
+        let (unit, member) = motion.position_of(own)?;
+        let lead = motion.units().get(unit)?.lead;
+        let waits = motion.units().iter().flat_map(|unit| &unit.waits);
         Some(Self {
-            units: units
-                .iter()
-                .enumerate()
-                .map(|(index, unit)| (unit.lead, index))
-                .collect(),
             unit,
             member,
             awaited_ends: waits
@@ -107,7 +61,7 @@ impl Route {
 
     /// All units of the plan.
     pub fn units(&self) -> &[UnitMotion] {
-        self.motion.paths().map_or(&[], |motion| &motion.units)
+        self.motion.units()
     }
 
     /// The unit of this module.
@@ -118,7 +72,7 @@ impl Route {
     /// The modules of the unit to which this module's unit docks.
     pub fn parents(&self) -> impl Iterator<Item = ModuleId> {
         let lead = self.own().parent.as_ref();
-        let unit = lead.and_then(|lead| self.units().get(*self.units.get(lead)?));
+        let unit = lead.and_then(|&lead| self.motion.unit(lead));
         let modules = unit.into_iter().flat_map(|unit| &unit.modules);
         modules.map(|module| module.module)
     }
@@ -231,10 +185,9 @@ impl Route {
         let before = step.saturating_sub(1);
         let mut awaited: Vec<ModuleId> = team.filter(|&module| done(module) < before).collect();
         for wait in unit.waits.iter().filter(|wait| wait.step == step) {
-            let Some(&other) = self.units.get(&wait.unit) else {
+            let Some(other) = self.motion.unit(wait.unit) else {
                 continue;
             };
-            let other = &self.units()[other];
             let team = self.team(other, wait.steps_done <= other.joint_steps);
             awaited.extend(team.filter(|&module| done(module) < wait.steps_done));
         }
@@ -244,7 +197,7 @@ impl Route {
     /// The modules of a unit, and of those that were docked to it at the start if it still moves with them.
     fn team<'a>(&'a self, unit: &'a UnitMotion, jointly: bool) -> impl Iterator<Item = ModuleId> {
         let others = unit.joint_with.iter().filter(move |_| jointly);
-        let others = others.filter_map(|lead| self.units().get(*self.units.get(lead)?));
+        let others = others.filter_map(|&lead| self.motion.unit(lead));
         let modules = std::iter::once(unit)
             .chain(others)
             .flat_map(|unit| &unit.modules);

@@ -45,7 +45,7 @@ impl HeldPlan {
         (done, stands): (u32, bool),
         pose: &Pose,
     ) -> Option<MicroUnits> {
-        let Some((unit, member)) = self.motion.place_of(module) else {
+        let Some((unit, member)) = self.motion.planned.place_of(module) else {
             let from = self.roster.member(module)?.module.pose;
             return Some(from.distance_to(pose).max(turned_off(&from, &from, pose)));
         };
@@ -55,13 +55,17 @@ impl HeldPlan {
         let next = if stands { done } else { done + 1 };
         let to = member.waypoints[last.min(next)].pose;
         let across = polyline::distance(pose, &[from, to])?;
+        let turned = turned_off(&from, &to, pose);
+        if stands || across.0 == 0 {
+            return Some(across.max(turned));
+        }
         // Where its unit turns about a centre, a drive may take the chord or the arc.
         let way = unit.poses_after(done, member).skip(1);
         let way = way.take_while(|pose| *pose != to);
         let arc = way.filter_map(|bend| polyline::distance(&bend, &[from, to]));
-        let arc = arc.max().filter(|_| !stands).unwrap_or_default();
+        let arc = arc.max().unwrap_or_default();
         let across = MicroUnits((across.0 - arc.0).max(0));
-        Some(across.max(turned_off(&from, &to, pose)))
+        Some(across.max(turned))
     }
 
     /// Whether the ports of a module that is far off its place are locked to one that stands on its own.

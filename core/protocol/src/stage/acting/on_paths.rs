@@ -8,9 +8,10 @@ use formation_model::{Area, BODY_WIDTH, BodyReport, ModuleId, Pose, polyline};
 use super::{Acting, Continuation, Task};
 use crate::context::Context;
 use crate::event::Event;
+use crate::indexed_motion::PathPlace;
 use crate::stage::held_plan::HeldPlan;
 use crate::stage::proofs::Proofs;
-use crate::stage::route::{PathPlace, Route};
+use crate::stage::route::Route;
 
 /// How often the progress of the members is counted within the time after which they are stuck. To count takes longer the more
 /// members there are, and each member counts; the time is longer than it needs to be by at most one of these parts.
