@@ -182,6 +182,22 @@ pub struct ModuleState {
 }
 
 impl ModuleState {
+    /// Whether its module only goes on from where an earlier state of the same run shows it: its pose and the steps that it has done
+    /// are all that differs, and it is on its way.
+    #[must_use]
+    pub fn goes_on_from(&self, earlier: &Self) -> bool {
+        let as_before = Self {
+            sequence: self.sequence,
+            at: self.at,
+            pose: self.pose,
+            steps_done: self.steps_done,
+            waited_for: self.waited_for.clone(),
+            agreed_on: self.agreed_on.clone(),
+            ..earlier.clone()
+        };
+        !self.drive.is_off_way() && *self == as_before
+    }
+
     /// The first state of a run: it stands at a pose, docked to no module, and takes part in no plan yet.
     #[must_use]
     pub fn standing(run: ModuleRun, pose: Pose) -> Self {

@@ -437,6 +437,9 @@ impl Agent {
                     self.context.note_run(run, state.digest.is_some());
                 }
                 self.note_body(state);
+                if news == StateNews::OnTheWay {
+                    return self.stage.waits_for(run.module);
+                }
                 self.stage.follow_place(state, &self.context);
                 self.adjust_links_to(state);
                 self.note_run_named_in(&state.bodies);

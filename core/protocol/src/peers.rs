@@ -59,6 +59,8 @@ pub(super) enum HeartbeatNews {
 pub(super) enum StateNews {
     /// Nothing: it, or a later one, is known already.
     Old,
+    /// Only how far the module is on its way.
+    OnTheWay,
     /// What the module shows.
     OfModule,
     /// What is known of its run as well: it is the first state of that, or shows a plan unlike the last one.

@@ -47,9 +47,14 @@ struct Links {
     peers: (u64, ShownChanges),
     until: Duration,
     missed: Arc<[(ModuleId, ModuleId)]>,
+    /// Whom this module misses, once it is asked for.
+    misses: Option<(Named, Arc<[ModuleId]>)>,
     /// The best clique, once it is asked for.
     clique: Option<(Standing, Arc<[ModuleId]>)>,
 }
+
+/// What names those whom this module may miss: the epoch of a roster, the voters, and the version of the known bodies.
+type Named = (Option<Epoch>, u64, u64);
 
 /// What the clique depends on apart from the peers: who votes, and what this module shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,6 +95,16 @@ impl Context {
         if !self.has_listened() {
             return Arc::default();
         }
+        let named: Named = (
+            roster.map(|roster| roster.epoch),
+            self.session.voters_digest(),
+            self.bodies.version(),
+        );
+        if let Some((known, misses)) = &self.links().misses
+            && *known == named
+        {
+            return Arc::clone(misses);
+        }
         let liveness = self.liveness();
         let members = roster.into_iter().flat_map(|roster| &roster.members);
         let members = members.map(|member| member.module.id);
@@ -107,7 +122,9 @@ impl Context {
         if *missed != *self.reception.misses {
             self.reception.misses = missed.into();
         }
-        Arc::clone(&self.reception.misses)
+        let misses = Arc::clone(&self.reception.misses);
+        self.links().misses = Some((named, Arc::clone(&misses)));
+        misses
     }
 
     /// Whether the latest heartbeat lists a module as missed.
@@ -178,6 +195,7 @@ impl Context {
                 peers,
                 until: self.peers.table_mut().unchanged_until(liveness),
                 missed: self.peers.missed_pairs(liveness).into(),
+                misses: None,
                 clique: None,
             }
         });

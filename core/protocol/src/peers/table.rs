@@ -297,13 +297,16 @@ impl PeerTable {
         let service = known.map(|known| known.service);
         let changes = service != Some(state.service);
         let shown = known.map(|known| known.digest.is_some());
-        let is_of_run = shown != Some(state.digest.is_some());
+        let news = if shown != Some(state.digest.is_some()) {
+            StateNews::OfRun
+        } else if known.is_some_and(|known| state.goes_on_from(known)) {
+            StateNews::OnTheWay
+        } else {
+            StateNews::OfModule
+        };
         peer.state = Some(without_proofs(state));
         self.changes += u64::from(changes);
-        Ok(match is_of_run {
-            true => StateNews::OfRun,
-            false => StateNews::OfModule,
-        })
+        Ok(news)
     }
 
     /// Keeps the latest state of a run that may yet take the place of the one that is known.

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    ClosedRoster, DriveState, Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim,
+    ClosedRoster, DriveState, Epoch, ModuleId, ModulePhase, ModuleState, Pose, Roster, SpotClaim,
 };
 use formation_motion::MotionGoal;
 
@@ -150,6 +150,14 @@ impl Stage {
     pub fn follow_place(&mut self, state: &ModuleState, context: &Context) {
         if let Self::Acting(acting) = self {
             acting.held.follow_place(state, context);
+        }
+    }
+
+    /// Whether it may change what is due for this module how far another one is on its way.
+    pub fn waits_for(&self, module: ModuleId) -> bool {
+        match self {
+            Self::Acting(acting) => acting.waits_for(module),
+            _ => true,
         }
     }
 

@@ -164,6 +164,16 @@ impl Acting {
         self.leave(context)
     }
 
+    /// Whether the next step may wait for steps of another module.
+    pub(in crate::stage) fn waits_for(&self, module: ModuleId) -> bool {
+        if !matches!(self.task, Task::Waiting | Task::Pausing) {
+            return false;
+        }
+        let done = |other: ModuleId| if other == module { 0 } else { u32::MAX };
+        let route = self.held.motion.route.as_ref();
+        route.is_some_and(|route| !route.awaited(self.steps_done + 1, done).is_empty())
+    }
+
     /// The module is free to take its next step, or has taken all of them.
     fn leave(&mut self, context: &mut Context) -> Continuation {
         if self.steps_done < self.steps() {
