@@ -61,6 +61,8 @@ pub(super) struct SyncKey {
     /// Where the module stands; `None` on its way.
     pub stands_at: Option<Pose>,
     pub links: BTreeSet<ModuleId>,
+    /// Whether all members have done their parts of the plan, so that nobody is on the way any more.
+    pub is_carried_out: bool,
     /// Rises whenever a removal is over. One that a roster lists is written before the digest of the plan is shown.
     pub removals: u64,
     pub stop: Stop,
@@ -72,7 +74,7 @@ pub(super) struct BodiesKey {
     pub entered: Option<Epoch>,
     pub shows_digest: bool,
     pub service: Service,
-    pub settled_on: Option<SettledOn>,
+    pub is_carried_out: bool,
     pub removals: u64,
 }
 
@@ -90,7 +92,7 @@ impl SyncKey {
             entered: self.entered,
             shows_digest: self.shows_digest,
             service: self.service,
-            settled_on: self.settled_on,
+            is_carried_out: self.is_carried_out,
             removals: self.removals,
         }
     }

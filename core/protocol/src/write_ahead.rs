@@ -58,8 +58,8 @@ impl Agent {
     /// What the store has to hold now.
     ///
     /// The bodies say where other modules may be until this module acts on another plan. That holds for each later write before
-    /// that as well, so they are found again only for what changes it, and not whenever this module sets off or stops: with a
-    /// thousand modules that would be most of the work of a process.
+    /// that as well, so they are found again only for what changes it, and when nobody is on the way any more. With a thousand
+    /// modules to do so whenever this module sets off or stops would be most of the work of a process.
     fn durable_state(&mut self, key: &SyncKey) -> DurableState {
         let key = key.of_bodies();
         let stored = self.context.outbox.durable.bodies.take();
@@ -91,7 +91,8 @@ impl Agent {
         }
     }
 
-    pub(super) fn sync_key(&self) -> SyncKey {
+    pub(super) fn sync_key(&mut self) -> SyncKey {
+        let is_carried_out = self.stage.is_carried_out(&self.context);
         let body = &self.context.robot;
         SyncKey {
             incarnation: self.context.own.run.incarnation,
@@ -103,6 +104,7 @@ impl Agent {
             settled_on: body.settled_on,
             stands_at: (!body.moving).then_some(body.pose),
             links: body.links.clone(),
+            is_carried_out,
             removals: self.context.bodies.removals(),
             stop: self.context.stop,
         }

@@ -484,6 +484,25 @@ impl Acting {
             self.held.has_acted(module, context.peers.get(module))
         }
     }
+
+    /// A member that has not done its part.
+    pub(super) fn find_unsettled(&self, context: &Context) -> Option<ModuleId> {
+        let mut members = self.held.roster_plan.members.keys();
+        members
+            .find(|&&module| !self.has_settled(module, context))
+            .copied()
+    }
+
+    /// Whether every member has done its part, so that none moves any more.
+    pub fn have_all_acted(&mut self, context: &Context) -> bool {
+        if !self.has_acted() {
+            return false;
+        }
+        let unsettled = self.held.unsettled.take();
+        let unsettled = unsettled.filter(|&module| !self.has_settled(module, context));
+        self.held.unsettled = unsettled.or_else(|| self.find_unsettled(context));
+        self.held.unsettled.is_none()
+    }
 }
 
 fn send_goal(goal: MotionGoal, context: &mut Context) {

@@ -44,6 +44,8 @@ pub(crate) struct HeldPlan {
     /// A member of which an agreement was missing. While it is, the others need not be looked at.
     pub(super) waits_for: Option<ModuleId>,
     in_force: Option<InForce>,
+    /// A member that has not done its part. Until it has, the others need not be looked at.
+    pub(super) unsettled: Option<ModuleId>,
 }
 
 /// No member lagged. While all show the same, that holds until the oldest heartbeat exceeds the lease, so the members need not be
@@ -95,6 +97,7 @@ impl HeldPlan {
             compared: None,
             waits_for: None,
             in_force: None,
+            unsettled: None,
         }
     }
 

@@ -208,17 +208,11 @@ impl Acting {
             let counts = off.stands && off.is_believed && context.now >= due;
             if counts
                 && (self.held.plan.assignments.contains_key(&module)
-                    || !self.is_carried_out(context))
+                    || self.find_unsettled(context).is_some())
             {
                 displaced.push((module, off.distance));
             }
         }
         (!displaced.is_empty()).then_some(EpochReason::Displaced(displaced))
-    }
-
-    /// Whether every member has done its part, so that none moves any more.
-    fn is_carried_out(&self, context: &Context) -> bool {
-        let mut members = self.held.roster_plan.members.keys();
-        members.all(|&module| self.has_settled(module, context))
     }
 }
