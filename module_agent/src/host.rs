@@ -16,7 +16,7 @@ use formation_motion::DriveCommand;
 use formation_node_support::{stamp, topics};
 use formation_protocol::{
     Agent, AgentParameters, Arrived, Command, ComputedPlan, DurableState, Identity, Input, Output,
-    PlanJob, RefusalCounts, Replica, SharedPlans,
+    PlanJob, RefusalCounts, Replica,
 };
 use ros_runtime::diagnostics::Report;
 
@@ -81,7 +81,6 @@ pub(crate) struct Host {
     modules: Vec<Hosted>,
     /// The agents of these modules, by the same index.
     replica: Replica,
-    plans: SharedPlans,
     /// `None` if what the modules agree on ends with the process.
     journal: Option<Journal>,
     /// Messages from other processes, and from hosted modules to each other, until the modules handle them together.
@@ -121,7 +120,6 @@ impl Host {
             room: 0,
             modules: Vec::new(),
             replica: Replica::default(),
-            plans: SharedPlans::default(),
             journal,
             arrived: Vec::new(),
             outgoing: Vec::new(),
@@ -304,16 +302,13 @@ impl Host {
 
     /// The next plan to compute; no other before it is handed in.
     pub(crate) fn next_job(&mut self) -> Option<PlanJob> {
-        self.plans.next_job()
+        self.replica.next_job()
     }
 
     /// Hands in a plan to the modules that wait for it.
     pub(crate) fn handle_computed(&mut self, now: Duration, computed: &Arc<ComputedPlan>) {
-        for module in self.plans.finish(Arc::clone(computed)) {
-            if let Some(index) = self.index_of(module) {
-                self.pass(index, now, Input::Computed(Arc::clone(computed)));
-            }
-        }
+        self.replica.handle_computed(now, computed);
+        self.carry_out_all(now);
     }
 
     /// The next contents of the store to write; no others before they are written.
@@ -486,21 +481,14 @@ impl Host {
     /// Carries out the outputs of an agent.
     fn carry_out(&mut self, index: usize, now: Duration) {
         while let Some(output) = self.replica.poll_output(index) {
-            let Hosted {
-                identity, drive, ..
-            } = &mut self.modules[index];
+            let Hosted { drive, .. } = &mut self.modules[index];
             match output {
                 Output::Publish(message) => self.publish(index, message),
                 Output::Move(goal) => drive.go(now, goal),
                 Output::Halt => drive.halt(now),
                 Output::Dock(other) => drive.ask(now, DockingAction::Dock, other),
                 Output::Undock(other) => drive.ask(now, DockingAction::Undock, other),
-                Output::Compute(job) => {
-                    if let Some(computed) = self.plans.ask(identity.module, job) {
-                        let input = Input::Computed(computed);
-                        self.replica.with(index, |agent| agent.handle(now, input));
-                    }
-                }
+                Output::Compute(_) => debug_assert!(false, "the replica answers that"),
                 Output::BeginRun { stood_still } => self.stood_still = Some(stood_still),
                 Output::Event(event) => self.modules[index].handle_event(&event),
                 Output::Persist { number, state } => {

@@ -33,6 +33,11 @@ impl Plans {
         None
     }
 
+    /// The job that it waits for.
+    pub fn asked(&self) -> Option<&PlanJob> {
+        self.asked.as_ref()
+    }
+
     /// Takes a plan of the host; returns whether it is the one that was asked for.
     pub fn receive(&mut self, computed: Arc<ComputedPlan>) -> bool {
         let is_asked = |job: &mut PlanJob| computed.answers(job);

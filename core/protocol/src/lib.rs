@@ -60,7 +60,7 @@ pub use durable::DurableState;
 pub use event::{EpochReason, Event, Severity};
 pub use io::{Command, Identity, Input, Output};
 pub use parameters::{AgentParameters, ParametersError};
-pub use plans::{ComputedPlan, PlanJob, SharedPlans};
+pub use plans::{ComputedPlan, PlanJob};
 pub use quorum::Shortfall;
 pub use refusal::{Refusal, RefusalCounts};
 pub use replica::{Arrived, Replica};
@@ -487,7 +487,7 @@ impl Agent {
         let context = &mut self.context;
         match news {
             Ok(HeartbeatNews::Old) => return is_clock_in_doubt,
-            Ok(HeartbeatNews::StillLive { age }) => {
+            Ok(HeartbeatNews::StillLive { age, advanced }) => {
                 context.note_heard(run);
                 // What was too far ahead of this clock may be near enough by now.
                 if let Some(epoch) = epoch {
@@ -498,7 +498,8 @@ impl Agent {
                 if is_commanded {
                     self.handle_stop(stop);
                 }
-                return is_late || is_commanded || is_clock_in_doubt;
+                let may_go_on = advanced && self.stage.waits_for(run.module);
+                return is_late || is_commanded || is_clock_in_doubt || may_go_on;
             }
             Ok(HeartbeatNews::New) => {
                 self.handle_stop(stop);
@@ -526,14 +527,15 @@ impl Agent {
     /// modules.
     fn heeds(&self, heard: Heard) -> bool {
         let context = &self.context;
-        let age = match heard.news {
-            Ok(HeartbeatNews::Old) => Duration::ZERO,
-            Ok(HeartbeatNews::StillLive { age }) => age,
+        let (age, advanced) = match heard.news {
+            Ok(HeartbeatNews::Old) => (Duration::ZERO, false),
+            Ok(HeartbeatNews::StillLive { age, advanced }) => (age, advanced),
             Ok(HeartbeatNews::New) | Err(_) => return true,
         };
         // A second process that sends as this module may be live for the others of this process.
         heard.run.module == self.module()
             || age > context.parameters.lease
+            || advanced && self.stage.waits_for(heard.run.module)
             || heard.gain > context.parameters.heartbeat
             || heard.stop > context.stop
             || heard.epoch > context.session.highest_epoch()

@@ -48,8 +48,8 @@ impl Liveness {
 pub(super) enum HeartbeatNews {
     /// Nothing: a later one is known already.
     Old,
-    /// Nothing but that the module is still live; the heartbeat before was this old.
-    StillLive { age: Duration },
+    /// Nothing but that the module is still live, and how far it is on its way if it has `advanced`; the heartbeat before was this old.
+    StillLive { age: Duration, advanced: bool },
     /// The module, or what it shows, is new.
     New,
 }

@@ -7,22 +7,18 @@
 //!
 //! A plan follows from its problem alone, and only [`PlanJob::run`] makes a [`ComputedPlan`]. What an agent takes from a
 //! host therefore equals what it would have computed, and one computation serves all agents of a process
-//! ([`SharedPlans`]). An agent takes no other plan than the one that it asked for.
+//! ([`Replica::next_job`](super::Replica::next_job)). An agent takes no other plan than the one that it asked for.
 //!
 //! [`Input::Computed`]: super::Input::Computed
 
-use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, OnceLock};
 
-use formation_model::{ClosedRoster, ModuleId, Plan, PlanningProblem, digest};
+use formation_model::{ClosedRoster, Plan, PlanningProblem, digest};
 use formation_motion::PlannedMotion;
 use formation_planner::{PlannedTurns, plan_releasing_pins};
 
 use super::indexed_motion::IndexedMotion;
 use super::roster_plan::RosterPlan;
-
-/// The number of plans that are kept for other agents and for the next epoch.
-const PLANS_KEPT: usize = 3;
 
 /// A plan that an agent needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -126,69 +122,16 @@ impl ComputedPlan {
     }
 }
 
-/// The plans of a host: what its agents wait for, what runs, and what was computed lately.
-#[derive(Debug, Default)]
-pub struct SharedPlans {
-    /// The job that each agent waits for.
-    waiting: BTreeMap<ModuleId, PlanJob>,
-    /// The modules that asked for a job that no other had asked for, in this order.
-    queue: VecDeque<ModuleId>,
-    running: Option<PlanJob>,
-    computed: VecDeque<Arc<ComputedPlan>>,
-}
-
-impl SharedPlans {
-    /// Takes the request of an agent, in the place of its last one. Returns the plan if it is known.
-    /// Enforces T5.
-    pub fn ask(&mut self, module: ModuleId, job: PlanJob) -> Option<Arc<ComputedPlan>> {
-        self.waiting.remove(&module);
-        let mut computed = self.computed.iter();
-        if let Some(known) = computed.find(|computed| computed.answers(&job)) {
-            return Some(Arc::clone(known));
-        }
-        self.waiting.insert(module, job);
-        self.queue.retain(|&other| other != module);
-        self.queue.push_back(module);
-        None
-    }
-
-    /// The next job to run; `None` while another runs, or if no agent waits.
-    pub fn next_job(&mut self) -> Option<PlanJob> {
-        if self.running.is_some() {
-            return None;
-        }
-        let module = self.queue.pop_front()?;
-        self.running = self.waiting.get(&module).cloned();
-        self.running.clone()
-    }
-
-    /// Takes the result of a job. Returns the modules that waited for it.
-    pub fn finish(&mut self, computed: Arc<ComputedPlan>) -> Vec<ModuleId> {
-        self.running.take_if(|job| *job == computed.job);
-        let served: Vec<ModuleId> = self
-            .waiting
-            .iter()
-            .filter(|(_, job)| computed.answers(job))
-            .map(|(&module, _)| module)
-            .collect();
-        for module in &served {
-            self.waiting.remove(module);
-        }
-        self.queue.retain(|module| !served.contains(module));
-        self.computed.push_front(computed);
-        self.computed.truncate(PLANS_KEPT);
-        served
-    }
-}
-
 #[cfg(test)]
 pub(super) mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use crate::AgentParameters;
     use formation_generate::{GeneratorParameters, Grouping, generate};
     use formation_model::{
-        BodyReport, Epoch, Incarnation, Polyline, Pose, Roster, RosterMember, Scenario, Service,
-        TargetAnnouncement, Voters, Whereabouts, standing_bodies,
+        BodyReport, Epoch, Incarnation, ModuleId, Polyline, Pose, Roster, RosterMember, Scenario,
+        Service, TargetAnnouncement, Voters, Whereabouts, standing_bodies,
     };
 
     pub(crate) fn problem(seed: u64) -> Arc<PlanningProblem> {
@@ -248,42 +191,13 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn agents_that_ask_for_the_same_share_one_plan() {
-        let mut plans = SharedPlans::default();
-        let modules: Vec<ModuleId> = (0..4).map(ModuleId).collect();
-        for &module in &modules[..3] {
-            assert!(plans.ask(module, job(1)).is_none());
-        }
-        assert!(plans.ask(modules[3], job(2)).is_none());
-        let first = plans.next_job().unwrap();
-        assert_eq!(plans.next_job(), None, "one runs already");
-        // This one now needs another plan.
-        assert!(plans.ask(modules[2], job(2)).is_none());
-        let first = Arc::new(first.run());
-        assert_eq!(plans.finish(Arc::clone(&first)), modules[..2]);
-        let second = plans.next_job().unwrap();
-        assert_eq!(plans.finish(Arc::new(second.run())), modules[2..]);
-        assert_eq!(plans.next_job(), None);
-        // The next epoch may have the same problem.
-        let known = plans.ask(modules[3], job(1)).unwrap();
-        assert!(Arc::ptr_eq(&known, &first));
-        assert_eq!(
-            known.turns,
-            PlannedTurns::of(problem(1)),
-            "what an agent would have computed"
-        );
-    }
-
-    #[test]
     fn a_release_of_pins_answers_for_the_pins_that_stay() {
         let job = PlanJob::release(problem(3));
-        let mut plans = SharedPlans::default();
-        assert!(plans.ask(ModuleId(1), job.clone()).is_none());
-        let computed = Arc::new(plans.next_job().unwrap().run());
-        assert_eq!(plans.finish(Arc::clone(&computed)), [ModuleId(1)]);
-        assert!(plans.ask(ModuleId(1), job).is_some());
+        let computed = job.clone().run();
+        assert!(computed.answers(&job));
         let kept = Arc::clone(computed.turns.problem());
-        assert!(plans.ask(ModuleId(2), PlanJob::plan(kept)).is_some());
+        assert!(computed.answers(&PlanJob::plan(kept)));
+        assert!(!computed.answers(&PlanJob::plan(problem(4))));
     }
 
     #[test]

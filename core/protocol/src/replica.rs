@@ -2,15 +2,16 @@
 //!
 //! Each message is recorded once, however many modules the process has, and each of these takes note of what it changes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{Message, ModuleId, ModuleRun, ModuleState, SourceId};
 
 use super::Agent;
-use super::io::Output;
+use super::io::{Input, Output};
 use super::peers::{PeerTable, StateNews};
+use super::plans::{ComputedPlan, PlanJob};
 
 /// A message that came to a process.
 #[derive(Clone, Debug)]
@@ -23,12 +24,21 @@ pub struct Arrived {
     pub message: Message,
 }
 
+/// The number of plans that are kept for other agents and for the next epoch.
+const PLANS_KEPT: usize = 3;
+
 /// The agents of a process, each with an index from 0 on.
 #[derive(Default)]
 pub struct Replica {
     /// What they know of all that sent a message; lent to one agent at a time.
     peers: Box<PeerTable>,
     agents: Vec<Agent>,
+    /// The plans that were computed last, for all that ask for one of them.
+    computed: VecDeque<Arc<ComputedPlan>>,
+    /// The agents that wait for a plan, in the order in which they asked.
+    asking: VecDeque<usize>,
+    /// Whether a plan is computed.
+    is_computing: bool,
 }
 
 impl Replica {
@@ -60,7 +70,7 @@ impl Replica {
     /// # Panics
     /// Panics if there is no agent with this index.
     pub fn with<R>(&mut self, index: usize, act: impl FnOnce(&mut Agent) -> R) -> R {
-        let Self { peers, agents } = self;
+        let Self { peers, agents, .. } = self;
         let agent = &mut agents[index];
         agent.context.peers.exchange(peers);
         let result = act(agent);
@@ -68,12 +78,61 @@ impl Replica {
         result
     }
 
-    /// The next output of one agent to carry out; `None` when it waits.
+    /// The next output of one agent to carry out; `None` when it waits. What it needs computed is among [`Self::next_job`].
     ///
     /// # Panics
     /// Panics if there is no agent with this index.
     pub fn poll_output(&mut self, index: usize) -> Option<Output> {
-        self.agents[index].poll_output()
+        loop {
+            match self.agents[index].poll_output()? {
+                Output::Compute(job) => self.ask(index, &job),
+                output => return Some(output),
+            }
+        }
+    }
+
+    /// An agent asks for a plan, in the place of its last one.
+    /// Enforces T5.
+    fn ask(&mut self, index: usize, job: &PlanJob) {
+        self.asking.retain(|&other| other != index);
+        let mut computed = self.computed.iter();
+        match computed.find(|computed| computed.answers(job)).cloned() {
+            Some(known) => {
+                let now = self.agents[index].context.now;
+                self.hand(now, index, known);
+            }
+            None => self.asking.push_back(index),
+        }
+    }
+
+    fn hand(&mut self, now: Duration, index: usize, computed: Arc<ComputedPlan>) {
+        let input = Input::Computed(computed);
+        self.with(index, |agent| agent.handle(now, input));
+    }
+
+    /// The next plan to compute, for all agents that wait for it; none before the last one is handed in.
+    pub fn next_job(&mut self) -> Option<PlanJob> {
+        if self.is_computing {
+            return None;
+        }
+        let mut asking = self.asking.iter();
+        let job = asking.find_map(|&index| self.agents[index].context.plans.asked())?;
+        self.is_computing = true;
+        Some(job.clone())
+    }
+
+    /// Hands in the plan that was computed last to the agents that wait for it.
+    pub fn handle_computed(&mut self, now: Duration, computed: &Arc<ComputedPlan>) {
+        self.is_computing = false;
+        self.computed.push_front(Arc::clone(computed));
+        self.computed.truncate(PLANS_KEPT);
+        for index in std::mem::take(&mut self.asking) {
+            match self.agents[index].context.plans.asked() {
+                Some(job) if computed.answers(job) => self.hand(now, index, Arc::clone(computed)),
+                Some(_) => self.asking.push_back(index),
+                None => {}
+            }
+        }
     }
 
     /// Handles messages that have come by the time `now`, and then does once what is due for each agent. In a large formation, to look at
@@ -178,5 +237,61 @@ impl Replica {
         let bodies = bodies.filter_map(|agent| agent.context.bodies.get(module));
         let incarnations = bodies.map(|body| body.incarnation).chain(peer);
         Some(module.run(incarnations.max()?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use formation_model::{Incarnation, Pose};
+
+    use super::*;
+    use crate::plans::tests::job;
+    use crate::{AgentParameters, Identity};
+
+    #[test]
+    fn agents_that_ask_for_the_same_share_one_plan() {
+        let mut replica = Replica::default();
+        for module in 0..4 {
+            let identity = Identity {
+                module: ModuleId(module),
+                incarnation: Incarnation(1),
+                has_store: false,
+                is_first_run: true,
+                pose: Pose::default(),
+                links: [].into(),
+                configuration: None,
+                leader: None,
+            };
+            let agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
+            replica.add(Duration::ZERO, agent.with_plans_of_host());
+        }
+        let get = |replica: &mut Replica, index: usize, seed: u64| {
+            let plan = replica.with(index, |agent| agent.context.plan(job(seed)));
+            while replica.poll_output(index).is_some() {}
+            plan.or_else(|| replica.with(index, |agent| agent.context.plan(job(seed))))
+        };
+        for index in 0..3 {
+            assert!(get(&mut replica, index, 1).is_none());
+        }
+        assert!(get(&mut replica, 3, 2).is_none());
+        let first = replica.next_job().unwrap();
+        assert_eq!(first, job(1));
+        assert_eq!(replica.next_job(), None, "one is computed already");
+        // This one now needs another plan.
+        assert!(get(&mut replica, 2, 2).is_none());
+        let first = Arc::new(first.run());
+        replica.handle_computed(Duration::ZERO, &first);
+        for index in 0..2 {
+            assert!(Arc::ptr_eq(&get(&mut replica, index, 1).unwrap(), &first));
+        }
+        assert!(get(&mut replica, 2, 2).is_none());
+        let second = Arc::new(replica.next_job().unwrap().run());
+        replica.handle_computed(Duration::ZERO, &second);
+        for index in 2..4 {
+            assert!(Arc::ptr_eq(&get(&mut replica, index, 2).unwrap(), &second));
+        }
+        assert_eq!(replica.next_job(), None);
+        // The next epoch may have the same problem.
+        assert!(Arc::ptr_eq(&get(&mut replica, 3, 1).unwrap(), &first));
     }
 }

@@ -220,9 +220,8 @@ impl PeerTable {
         let shows_other =
             differ(|one, other| (one.epoch, one.digest) != (other.epoch, other.digest));
         let misses_others = differ(|one, other| one.misses != other.misses);
-        let is_new = differ(|one, other| {
-            (one.phase, one.steps_done, one.stop) != (other.phase, other.steps_done, other.stop)
-        });
+        let is_new = differ(|one, other| (one.phase, one.stop) != (other.phase, other.stop));
+        let advanced = differ(|one, other| one.steps_done != other.steps_done);
         let is_of_note = differ(|one, other| {
             (one.epoch, one.knows, one.voters) != (other.epoch, other.knows, other.voters)
         });
@@ -237,7 +236,7 @@ impl PeerTable {
         }
         Ok(match age {
             Some(age) if !shows_other && !misses_others && !is_new => {
-                HeartbeatNews::StillLive { age }
+                HeartbeatNews::StillLive { age, advanced }
             }
             _ => HeartbeatNews::New,
         })
