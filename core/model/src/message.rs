@@ -374,3 +374,46 @@ pub enum Message {
     /// On `commands`: the body of this run, with those of all earlier ones, was taken away.
     Removal(Removal),
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MicroUnits;
+
+    #[test]
+    fn a_module_goes_on_if_it_shows_no_more_than_its_pose_and_its_steps() {
+        let run = ModuleId(4).run(Incarnation(1));
+        let mut earlier = ModuleState::standing(run, Pose::default());
+        earlier.drive = DriveState::Moving;
+        let mut later = earlier.clone();
+        later.sequence += 1;
+        later.pose.x = MicroUnits(1_000_000);
+        later.steps_done = Some(1);
+        assert!(later.goes_on_from(&earlier));
+        type Change = fn(&mut ModuleState);
+        let changes: [Change; 6] = [
+            |state| state.service = Service::Retired,
+            |state| state.phase = ModulePhase::Settled,
+            |state| state.drive = DriveState::Standing,
+            |state| state.links = [ModuleId(5)].into(),
+            |state| {
+                state.epoch = Some(Epoch {
+                    number: 1,
+                    convener: ModuleId(4),
+                })
+            },
+            |state| state.spot = Some(SpotId(1)),
+        ];
+        for change in changes {
+            let mut other = later.clone();
+            change(&mut other);
+            assert!(!other.goes_on_from(&earlier), "{other:?}");
+        }
+        // Each place where it is off its way matters.
+        for drive in [DriveState::Displaced, DriveState::Lost] {
+            let [mut was, mut is] = [&earlier, &later].map(ModuleState::clone);
+            (was.drive, is.drive) = (drive, drive);
+            assert!(!is.goes_on_from(&was));
+        }
+    }
+}

@@ -219,4 +219,18 @@ mod tests {
         assert!(both_ways(&way, &square(UNIT, -1), 0) && both_ways(&way, &square(UNIT, 0), 0));
         assert!(!both_ways(&way, &square(UNIT + 1, 0 - UNIT + 1), 0));
     }
+
+    #[test]
+    fn what_leaves_overlaps_by_no_more_than_the_slack_and_not_by_more_on_its_way() {
+        let body = Shape::square((0, 0), HALF);
+        let beside = Shape::square((UNIT - 10, 0), HALF);
+        let leaves = |slack: i64, by: Point| body.leaves(&beside, slack, by);
+        assert!(leaves(10, (-UNIT, 0)) && leaves(10, (0, UNIT)));
+        assert!(!leaves(9, (-UNIT, 0)), "it overlaps by more");
+        assert!(!leaves(10, (1, 0)), "it moves into it");
+        // Past the corner of one that it does not overlap.
+        let next = Shape::square((UNIT, UNIT), HALF);
+        assert!(body.leaves(&next, 0, (UNIT, -1)) && body.leaves(&next, 0, (-1, UNIT)));
+        assert!(!body.leaves(&next, 0, (1, 1)));
+    }
 }
