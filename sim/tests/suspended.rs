@@ -120,6 +120,26 @@ fn most_of_a_formation_on_one_machine_begins_new_runs_after_a_suspension() {
     assert_eq!(trial.count(is_found), 4);
 }
 
+/// Three of eight stand on one machine, and of the others they hear one when they wake. That had been heard for long, so it was not that
+/// late before.
+#[test]
+fn a_machine_that_hears_few_others_when_it_wakes_begins_new_runs_after_more_than_a_lease() {
+    let mut trial = formed(8, Grouping::Singletons, 4);
+    trial.run_for(Duration::from_secs(10));
+    for module in [3, 8, 4, 7] {
+        trial.cluster.suspend(ModuleId(module), SUSPENDED);
+    }
+    trial.run_for(Duration::from_secs(2));
+    for module in [1, 5, 6] {
+        trial
+            .cluster
+            .suspend(ModuleId(module), Duration::from_millis(4_918));
+    }
+    trial.run_for(Duration::from_secs(8));
+    assert_eq!(trial.count(is_found), 3);
+    trial.until_formed_again();
+}
+
 /// One module is slow to be heard and then is not: the others halt for a moment, and none of them begins a new run for it.
 #[test]
 fn one_link_that_becomes_faster_is_no_reason_for_a_new_run() {

@@ -2,7 +2,8 @@
 //!
 //! Heartbeats tell how long their senders have run. If those of one module suddenly come earlier than its clock and this one allow,
 //! either its messages were late before, or this clock stood still; in both cases this process took old heartbeats for new ones, and
-//! it halts. If those of at least half of the others do, or by more than `suspicion`, its clock stood still. To the others each of its
+//! it halts. If those of at least half of the others do, its clock stood still; also if those of one do that was heard for long and by more
+//! than `lease`, or of any by more than `suspicion`: most of the others may stand on the same machine. To the others each of its
 //! heartbeats is as old as that lasted, and none of them judges it by another offset, because a clock that stood still and a queue look
 //! the same to them. So it begins a new run.
 
@@ -21,10 +22,21 @@ use super::peer::Peer;
 /// For how many periods of heartbeats a process compares its clock with those of others.
 const PERIODS: u32 = 2;
 
+/// A link that was slow for as many times `suspicion` is taken for slow for good.
+const SUSPICIONS_KNOWN: u32 = 2;
+
+/// How much earlier than before the heartbeats of a module came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Gain {
+    by: Duration,
+    /// Whether they had been heard for long.
+    is_of_known: bool,
+}
+
 impl Context {
     /// How much earlier than before the heartbeats of modules of other processes come since a time, the least first; of those that were
     /// heard for long enough to show the greatest of these gains.
-    fn gains_since(&self, since: Duration) -> Vec<Duration> {
+    fn gains_since(&self, since: Duration) -> Vec<Gain> {
         let own = self.own.source;
         let is_other = |peer: &&Peer| own.is_none() || peer.source != own;
         let clocks = || self.peers.all().filter(is_other).flat_map(Peer::clocks);
@@ -32,7 +44,12 @@ impl Context {
         let greatest = greatest.unwrap_or_default();
         let period = self.parameters.heartbeat;
         let compared = clocks().filter(|clock| clock.is_compared_at(since, greatest, period));
-        let mut gains: Vec<Duration> = compared.map(|clock| clock.gain_since(since)).collect();
+        let long = self.parameters.suspicion * SUSPICIONS_KNOWN;
+        let gains = compared.map(|clock| Gain {
+            by: clock.gain_since(since),
+            is_of_known: clock.is_heard_for(long, since),
+        });
+        let mut gains: Vec<Gain> = gains.collect();
         gains.sort_unstable();
         gains
     }
@@ -73,12 +90,17 @@ impl Agent {
         self.context.clock_doubt = None;
         let mut gains = self.context.gains_since(since);
         let compared = gains.len();
-        gains.retain(|&gain| gain > limit);
+        gains.retain(|gain| gain.by > limit);
         // The others may have been suspended on the same machine. A link that was slower than this would have kept its module out.
-        let suspicion = self.context.parameters.suspicion;
-        let is_long = gains.last().is_some_and(|&gain| gain > suspicion);
-        if gains.len() * 2 >= compared.max(1) || is_long {
-            let Some(&stood_still) = gains.get(gains.len() / 2) else {
+        let AgentParameters {
+            lease, suspicion, ..
+        } = self.context.parameters;
+        let is_long = |gain: &Gain| gain.by > if gain.is_of_known { lease } else { suspicion };
+        if gains.len() * 2 >= compared.max(1) || gains.iter().any(is_long) {
+            let Some(&Gain {
+                by: stood_still, ..
+            }) = gains.get(gains.len() / 2)
+            else {
                 return;
             };
             self.context.emit(Event::ClockStoodStill(stood_still));

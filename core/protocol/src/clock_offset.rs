@@ -102,6 +102,11 @@ impl ClockOffset {
         self.first_heard_at + period * PERIODS_KNOWN <= time
     }
 
+    /// Whether heartbeats had come for so long before a time.
+    pub fn is_heard_for(&self, span: Duration, time: Duration) -> bool {
+        self.first_heard_at + span <= time
+    }
+
     /// Whether a gain of so many microseconds at a time could be told from a queue of first heartbeats.
     fn could_show(&self, gain_us: i128, time: Duration, period: Duration) -> bool {
         let known_for = micros(time.saturating_sub(self.first_heard_at));
