@@ -400,7 +400,7 @@ mod tests {
                 state.epoch = Some(Epoch {
                     number: 1,
                     convener: ModuleId(4),
-                })
+                });
             },
             |state| state.spot = Some(SpotId(1)),
         ];
