@@ -96,13 +96,13 @@ impl Agent {
             lease, suspicion, ..
         } = self.context.parameters;
         let is_long = |gain: &Gain| gain.by > if gain.is_of_known { lease } else { suspicion };
-        if gains.len() * 2 >= compared.max(1) || gains.iter().any(is_long) {
-            let Some(&Gain {
-                by: stood_still, ..
-            }) = gains.get(gains.len() / 2)
-            else {
-                return;
-            };
+        let longest = gains.iter().rfind(|gain| is_long(gain));
+        let is_half = gains.len() * 2 >= compared.max(1);
+        let median = gains.get(gains.len() / 2).filter(|_| is_half);
+        if let Some(&Gain {
+            by: stood_still, ..
+        }) = longest.or(median)
+        {
             self.context.emit(Event::ClockStoodStill(stood_still));
             self.context.outbox.push(Output::BeginRun { stood_still });
         }

@@ -433,12 +433,14 @@ impl Agent {
         match *news {
             Ok(StateNews::Old) => return false,
             Ok(news) => {
-                if news == StateNews::OfRun || self.context.bodies.is_of_later_run(run) {
+                let is_of_run =
+                    news == StateNews::OfRun || self.context.bodies.is_of_later_run(run);
+                if is_of_run {
                     self.context.note_run(run, state.digest.is_some());
                 }
                 self.note_body(state);
                 if news == StateNews::OnTheWay {
-                    return self.stage.waits_for(run.module);
+                    return is_of_run || self.stage.waits_for(run.module);
                 }
                 self.stage.follow_place(state, &self.context);
                 self.adjust_links_to(state);

@@ -21,6 +21,10 @@ const FAR_OF_GROUPS: i64 = 5;
 /// How far a group shifts before it is clear of what it was docked to: a tenth of a unit.
 const LEAVING: i64 = 100_000;
 
+/// By how much a body may overlap what is drawn of another beside which it stands: turned bodies are drawn up to a part in 32 of their
+/// extent too large.
+const OVERDRAWN: i64 = 50_000;
+
 /// Where modules may regroup: what others cover, and the cells that they take.
 pub(super) struct RegroupingGround<'a> {
     request: &'a MotionRequest<'a>,
@@ -129,7 +133,7 @@ impl<'a> RegroupingGround<'a> {
         let body = self.outline(module, half);
         let way = body.clone().moved(((0, 0), by));
         let mut met = self.request.blocking(&way);
-        met.all(|obstacle| body.overlaps(&obstacle, 0) && body.leaves(&obstacle, self.slack, by))
+        met.all(|obstacle| body.overlaps(&obstacle, 0) && body.leaves(&obstacle, OVERDRAWN, by))
     }
 
     /// What a module would cover where it stands if its body were so wide.

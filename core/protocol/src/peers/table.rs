@@ -277,6 +277,8 @@ impl PeerTable {
         source: Option<SourceId>,
     ) -> Result<StateNews, Refusal> {
         let run = state.module.run(state.incarnation);
+        let known = self.peers.get(&run.module).map(|peer| peer.incarnation);
+        let is_known = known == Some(run.incarnation);
         let peer = match self.admit(liveness, run, source) {
             Ok(peer) => peer,
             Err(refusal) => {
@@ -296,7 +298,7 @@ impl PeerTable {
         let service = known.map(|known| known.service);
         let changes = service != Some(state.service);
         let shown = known.map(|known| known.digest.is_some());
-        let news = if shown != Some(state.digest.is_some()) {
+        let news = if !is_known || shown != Some(state.digest.is_some()) {
             StateNews::OfRun
         } else if known.is_some_and(|known| state.goes_on_from(known)) {
             StateNews::OnTheWay

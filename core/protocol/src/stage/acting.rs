@@ -493,15 +493,16 @@ impl Acting {
             .copied()
     }
 
-    /// Whether every member has done its part, so that none moves any more.
+    /// Whether every member has done its part once, so that none moves by this plan any more.
     pub fn have_all_acted(&mut self, context: &Context) -> bool {
-        if !self.has_acted() {
-            return false;
+        if self.held.is_carried_out || !self.has_acted() {
+            return self.held.is_carried_out;
         }
         let unsettled = self.held.unsettled.take();
         let unsettled = unsettled.filter(|&module| !self.has_settled(module, context));
         self.held.unsettled = unsettled.or_else(|| self.find_unsettled(context));
-        self.held.unsettled.is_none()
+        self.held.is_carried_out = self.held.unsettled.is_none();
+        self.held.is_carried_out
     }
 }
 

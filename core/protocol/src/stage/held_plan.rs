@@ -44,6 +44,8 @@ pub(crate) struct HeldPlan {
     /// A member of which an agreement was missing. While it is, the others need not be looked at.
     pub(super) waits_for: Option<ModuleId>,
     in_force: Option<InForce>,
+    /// Whether every member has done its part; once it is so, it stays so.
+    pub(super) is_carried_out: bool,
     /// A member that has not done its part. Until it has, the others need not be looked at.
     pub(super) unsettled: Option<ModuleId>,
 }
@@ -59,7 +61,7 @@ struct InForce {
 impl Hash for HeldPlan {
     /// The digest identifies the roster and the plan.
     fn hash<H: Hasher>(&self, state: &mut H) {
-        (self.digest, self.has_mismatch).hash(state);
+        (self.digest, self.has_mismatch, self.is_carried_out).hash(state);
     }
 }
 
@@ -97,6 +99,7 @@ impl HeldPlan {
             compared: None,
             waits_for: None,
             in_force: None,
+            is_carried_out: false,
             unsettled: None,
         }
     }
