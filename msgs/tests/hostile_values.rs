@@ -8,7 +8,7 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -76,16 +76,10 @@ fn messages(name: &str, payload: &[u8]) -> Vec<Message> {
 }
 
 fn agent(module: u32) -> Agent {
-    let identity = Identity {
-        has_store: false,
-        is_first_run: false,
-        module: ModuleId(module),
-        incarnation: Incarnation(3),
-        pose: Pose::from_units(f64::from(module), 0.0, 0.0).unwrap(),
-        links: BTreeSet::new(),
-        configuration: None,
-        leader: None,
-    };
+    let identity = Identity::single(
+        ModuleId(module).run(Incarnation(3)),
+        Pose::from_units(f64::from(module), 0.0, 0.0).unwrap(),
+    );
     Agent::new(identity, AgentParameters::default(), Duration::ZERO)
 }
 

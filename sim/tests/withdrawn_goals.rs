@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -25,16 +24,7 @@ struct Alone {
 
 impl Alone {
     fn new(mutation: Option<Mutation>) -> Self {
-        let identity = Identity {
-            has_store: false,
-            is_first_run: false,
-            module: ModuleId(4),
-            incarnation: Incarnation(1),
-            pose: Pose::default(),
-            links: BTreeSet::new(),
-            configuration: None,
-            leader: None,
-        };
+        let identity = Identity::single(ModuleId(4).run(Incarnation(1)), Pose::default());
         let agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
         let agent = match mutation {
             Some(mutation) => agent.mutated(mutation),

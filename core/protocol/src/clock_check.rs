@@ -22,7 +22,7 @@ use super::peer::Peer;
 /// For how many periods of heartbeats a process compares its clock with those of others.
 const PERIODS: u32 = 2;
 
-/// A link that was slow for as many times `suspicion` is taken for slow for good.
+/// A module that was heard for as many times `suspicion` was not late by more than a lease all that time.
 const SUSPICIONS_KNOWN: u32 = 2;
 
 /// How much earlier than before the heartbeats of a module came.

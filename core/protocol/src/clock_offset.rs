@@ -99,7 +99,7 @@ impl ClockOffset {
 
     /// Whether heartbeats had come for a while before a time: the first ones may come late together, from a queue.
     fn is_known_at(&self, time: Duration, period: Duration) -> bool {
-        self.first_heard_at + period * PERIODS_KNOWN <= time
+        self.is_heard_for(period * PERIODS_KNOWN, time)
     }
 
     /// Whether heartbeats had come for so long before a time.

@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{ConfigurationId, Incarnation, Message, ModuleId, ModuleRun, Pose, SourceId};
+use formation_model::{
+    ConfigurationId, Incarnation, Message, ModuleId, ModuleRun, PlanningModule, Pose, SourceId,
+};
 use formation_motion::{MotionGoal, MotionReport};
 
 use super::durable::DurableState;
@@ -33,6 +35,32 @@ pub struct Identity {
 }
 
 impl Identity {
+    /// A module that is docked to none at this pose. It has no store, and runs of it may have taken part before.
+    #[must_use]
+    pub fn single(run: ModuleRun, pose: Pose) -> Self {
+        Self {
+            module: run.module,
+            incarnation: run.incarnation,
+            has_store: false,
+            is_first_run: false,
+            pose,
+            links: BTreeSet::new(),
+            configuration: None,
+            leader: None,
+        }
+    }
+
+    /// The same for a module as a scenario has it, docked to others.
+    #[must_use]
+    pub fn of(module: &PlanningModule, incarnation: Incarnation) -> Self {
+        Self {
+            links: module.links.clone(),
+            configuration: module.configuration,
+            leader: module.leader,
+            ..Self::single(module.id.run(incarnation), module.pose)
+        }
+    }
+
     /// The module and this run of its process.
     #[must_use]
     pub fn run(&self) -> ModuleRun {

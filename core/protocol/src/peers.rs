@@ -48,7 +48,7 @@ impl Liveness {
 pub(super) enum HeartbeatNews {
     /// Nothing: a later one is known already.
     Old,
-    /// Nothing but that the module is still live, and how far it is on its way if it has `advanced`; the heartbeat before was this old.
+    /// Nothing but that the module is still live, and how many steps it has done if it has `advanced`; the heartbeat before was this old.
     StillLive { age: Duration, advanced: bool },
     /// The module, or what it shows, is new.
     New,
@@ -59,7 +59,7 @@ pub(super) enum HeartbeatNews {
 pub(super) enum StateNews {
     /// Nothing: it, or a later one, is known already.
     Old,
-    /// Only how far the module is on its way.
+    /// Only the module's pose, or how many steps it has done.
     OnTheWay,
     /// What the module shows.
     OfModule,

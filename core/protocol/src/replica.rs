@@ -252,16 +252,7 @@ mod tests {
     fn agents_that_ask_for_the_same_share_one_plan() {
         let mut replica = Replica::default();
         for module in 0..4 {
-            let identity = Identity {
-                module: ModuleId(module),
-                incarnation: Incarnation(1),
-                has_store: false,
-                is_first_run: true,
-                pose: Pose::default(),
-                links: [].into(),
-                configuration: None,
-                leader: None,
-            };
+            let identity = Identity::single(ModuleId(module).run(Incarnation(1)), Pose::default());
             let agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
             replica.add(Duration::ZERO, agent.with_plans_of_host());
         }

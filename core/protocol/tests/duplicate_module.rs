@@ -58,12 +58,7 @@ fn run(has_store: bool) -> Agent {
     let identity = Identity {
         has_store,
         is_first_run: true,
-        module: module.id,
-        incarnation: Incarnation(2),
-        pose: module.pose,
-        links: BTreeSet::new(),
-        configuration: None,
-        leader: None,
+        ..Identity::single(module.id.run(Incarnation(2)), module.pose)
     };
     Agent::new(identity, AgentParameters::default(), Duration::ZERO)
 }

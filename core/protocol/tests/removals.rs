@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation_model::{Heartbeat, Incarnation, Message, ModuleId, ModuleRun, Pose, Removal};
@@ -14,16 +13,7 @@ const OTHER: ModuleRun = ModuleRun {
 };
 
 fn agent() -> Agent {
-    let identity = Identity {
-        module: ModuleId(1),
-        incarnation: Incarnation(5),
-        has_store: false,
-        is_first_run: false,
-        pose: Pose::from_units(0.0, 0.0, 0.0).unwrap(),
-        links: BTreeSet::new(),
-        configuration: None,
-        leader: None,
-    };
+    let identity = Identity::single(ModuleId(1).run(Incarnation(5)), Pose::default());
     Agent::new(identity, AgentParameters::default(), Duration::ZERO)
 }
 

@@ -19,14 +19,8 @@ fn at(seconds: u64) -> Duration {
 
 fn agent(module: u32) -> Agent {
     let identity = Identity {
-        module: ModuleId(module),
-        incarnation: Incarnation(5),
-        has_store: false,
         is_first_run: true,
-        pose: Pose::default(),
-        links: [].into(),
-        configuration: None,
-        leader: None,
+        ..Identity::single(ModuleId(module).run(Incarnation(5)), Pose::default())
     };
     Agent::new(identity, AgentParameters::default(), Duration::ZERO).published_by(OWN)
 }

@@ -25,14 +25,11 @@ const OTHER: ModuleRun = ModuleRun {
 /// Module 1 of three.
 fn agent(parameters: AgentParameters) -> Agent {
     let identity = Identity {
-        module: ModuleId(1),
-        incarnation: Incarnation(5),
-        has_store: false,
         is_first_run: true,
-        pose: Pose::from_units(1.0, 1.0, 0.0).unwrap(),
-        links: BTreeSet::new(),
-        configuration: None,
-        leader: None,
+        ..Identity::single(
+            ModuleId(1).run(Incarnation(5)),
+            Pose::from_units(1.0, 1.0, 0.0).unwrap(),
+        )
     };
     let mut agent = Agent::new(identity, parameters, Duration::ZERO);
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();

@@ -142,16 +142,7 @@ impl ModuleArguments {
 
 /// A module that begins a run at this pose, without a store and docked to none.
 pub(crate) fn single_module(module: ModuleId, pose: Pose) -> Identity {
-    Identity {
-        module,
-        incarnation: stamp::incarnation(),
-        has_store: false,
-        is_first_run: false,
-        pose,
-        links: BTreeSet::new(),
-        configuration: None,
-        leader: None,
-    }
+    Identity::single(module.run(stamp::incarnation()), pose)
 }
 
 fn identifier(argument: &str, id: u32) -> Result<ModuleId, Failure> {
@@ -176,12 +167,7 @@ impl HostedModules {
                 let module = problem
                     .module(id)
                     .ok_or_else(|| format!("there is no {id} in this scenario"))?;
-                Ok(Identity {
-                    links: module.links.clone(),
-                    configuration: module.configuration,
-                    leader: module.leader,
-                    ..single_module(id, module.pose)
-                })
+                Ok(Identity::of(module, stamp::incarnation()))
             })
             .collect::<Result<_, String>>()?;
         Ok(Self {

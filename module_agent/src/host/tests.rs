@@ -34,16 +34,7 @@ fn host_with(scenario: &str, modules: &[u32], stores: Option<&Path>) -> (Host, M
         .modules()
         .iter()
         .filter(|module| modules.contains(&module.id.0))
-        .map(|module| Identity {
-            has_store: false,
-            is_first_run: false,
-            module: module.id,
-            incarnation: Incarnation(1),
-            pose: module.pose,
-            links: module.links.clone(),
-            configuration: module.configuration,
-            leader: module.leader,
-        })
+        .map(|module| Identity::of(module, Incarnation(1)))
         .map(|identity| (identity, Service::Active));
     let mut identities = identities.collect();
     let journal = stores.map(|directory| {
@@ -313,16 +304,7 @@ fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
     let left = pass(&mut host, 40);
     assert_eq!(phase_of(&host, 17), Some(ModulePhase::Spare));
     // The target is not announced again.
-    let newcomer = Identity {
-        has_store: false,
-        is_first_run: false,
-        module: ModuleId(18),
-        incarnation: Incarnation(2),
-        pose: Pose::default(),
-        links: [].into(),
-        configuration: None,
-        leader: None,
-    };
+    let newcomer = Identity::single(ModuleId(18).run(Incarnation(2)), Pose::default());
     host.add(left, newcomer).unwrap();
     pass(&mut host, 40);
     let phase = phase_of(&host, 18);
@@ -535,16 +517,7 @@ fn a_module_that_was_added_is_hosted_again_where_it_stood() {
     let directory = tempfile::tempdir().unwrap();
     let (mut host, _) = host_with(SCENARIO, &[17], Some(directory.path()));
     let pose = Pose::from_units(2.0, 3.0, 0.0).unwrap();
-    let newcomer = Identity {
-        has_store: false,
-        is_first_run: false,
-        module: ModuleId(18),
-        incarnation: Incarnation(u64::MAX - 9),
-        pose,
-        links: [].into(),
-        configuration: None,
-        leader: None,
-    };
+    let newcomer = Identity::single(ModuleId(18).run(Incarnation(u64::MAX - 9)), pose);
     host.add(Duration::ZERO, newcomer.clone()).unwrap();
     host.advance(Duration::ZERO);
     write(&mut host, Duration::ZERO);

@@ -165,14 +165,9 @@ impl Cluster {
         };
         for module in problem.modules() {
             let body = Identity {
-                module: module.id,
-                incarnation: Incarnation(0),
                 has_store: parameters.stores.has(module.id),
                 is_first_run: parameters.is_new_session,
-                pose: module.pose,
-                links: module.links.clone(),
-                configuration: module.configuration,
-                leader: module.leader,
+                ..Identity::of(module, Incarnation(0))
             };
             cluster.bodies.insert(module.id, body);
             let at = duration_below(&mut cluster.random, parameters.start_spread);

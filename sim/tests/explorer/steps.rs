@@ -29,14 +29,9 @@ impl Explorer {
         let module = self.problem.module(id(index)).unwrap();
         let (pose, links) = body.unwrap_or((module.pose, module.links.clone()));
         let identity = Identity {
-            module: module.id,
-            incarnation,
-            has_store: false,
-            is_first_run: false,
             pose,
             links,
-            configuration: module.configuration,
-            leader: module.leader,
+            ..Identity::of(module, incarnation)
         };
         let agent = self.agents.make(identity, self.parameters, world.now);
         world.actors[index] = Some(Rc::new(Actor {

@@ -45,16 +45,7 @@ pub fn scenario(yaml: &str) -> PlanningProblem {
 
 /// The agent of a module of a scenario, which starts without a store.
 pub fn agent(module: &PlanningModule) -> Agent {
-    let identity = Identity {
-        has_store: false,
-        is_first_run: false,
-        module: module.id,
-        incarnation: Incarnation(1),
-        pose: module.pose,
-        links: module.links.clone(),
-        configuration: module.configuration,
-        leader: module.leader,
-    };
+    let identity = Identity::of(module, Incarnation(1));
     Agent::new(identity, AgentParameters::default(), Duration::ZERO)
 }
 

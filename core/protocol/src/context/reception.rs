@@ -47,8 +47,8 @@ struct Links {
     peers: (u64, ShownChanges),
     until: Duration,
     missed: Arc<[(ModuleId, ModuleId)]>,
-    /// Whom this module misses, once it is asked for.
-    misses: Option<(Named, Arc<[ModuleId]>)>,
+    /// From what the modules were last found that this one misses.
+    named: Option<Named>,
     /// The best clique, once it is asked for.
     clique: Option<(Standing, Arc<[ModuleId]>)>,
 }
@@ -100,10 +100,8 @@ impl Context {
             self.session.voters_digest(),
             self.bodies.version(),
         );
-        if let Some((known, misses)) = &self.links().misses
-            && *known == named
-        {
-            return Arc::clone(misses);
+        if self.links().named.replace(named) == Some(named) {
+            return Arc::clone(&self.reception.misses);
         }
         let liveness = self.liveness();
         let members = roster.into_iter().flat_map(|roster| &roster.members);
@@ -122,9 +120,7 @@ impl Context {
         if *missed != *self.reception.misses {
             self.reception.misses = missed.into();
         }
-        let misses = Arc::clone(&self.reception.misses);
-        self.links().misses = Some((named, Arc::clone(&misses)));
-        misses
+        Arc::clone(&self.reception.misses)
     }
 
     /// Whether the latest heartbeat lists a module as missed.
@@ -195,7 +191,7 @@ impl Context {
                 peers,
                 until: self.peers.table_mut().unchanged_until(liveness),
                 missed: self.peers.missed_pairs(liveness).into(),
-                misses: None,
+                named: None,
                 clique: None,
             }
         });

@@ -113,7 +113,7 @@ impl Stage {
         matches!(self, Self::Acting(acting) if acting.is_settled())
     }
 
-    /// Whether every member of the plan has done its part, as far as this one knows that has done its own.
+    /// Whether every member of the plan has done its part.
     pub fn is_carried_out(&mut self, context: &Context) -> bool {
         match self {
             Self::Acting(acting) => acting.have_all_acted(context),

@@ -269,7 +269,6 @@ fn report_own_eviction(decision: &Decision, context: &mut Context) {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
 
     use super::*;
     use crate::plans::tests::{problem, roster};
@@ -306,16 +305,7 @@ mod tests {
         let problem = problem(6);
         let own = problem.modules()[0].id;
         let roster = Arc::new(ClosedRoster::from(roster(&problem)));
-        let identity = Identity {
-            module: own,
-            incarnation: Incarnation(1),
-            has_store: false,
-            is_first_run: false,
-            pose: problem.modules()[0].pose,
-            links: BTreeSet::new(),
-            configuration: None,
-            leader: None,
-        };
+        let identity = Identity::single(own.run(Incarnation(1)), problem.modules()[0].pose);
         let mut context = Context::new(identity, AgentParameters::default(), Duration::ZERO);
         let (right, wrong) = claims_of_others(&roster, own);
         let (early, late) = (&right[..1], &right[1..]);
