@@ -29,13 +29,18 @@ pub const DEVIATION_LIMIT: MicroUnits = MicroUnits(100_000);
 #[derive(Clone, Copy, Debug)]
 struct Holding {
     pose: Pose,
-    until: Duration,
+    since: Duration,
+    /// When the driver last got this pose as its goal, or reached it.
+    sent: Duration,
 }
 
 impl Holding {
     fn at(pose: Pose, now: Duration) -> Self {
-        let until = now + HOLDING;
-        Self { pose, until }
+        Self {
+            pose,
+            since: now,
+            sent: now,
+        }
     }
 }
 
@@ -238,20 +243,21 @@ impl ExternalDrive {
     }
 
     /// A driver that follows an earlier goal stops at once if it gets its pose as the goal. If its localisation jumps, it would go from
-    /// there to the earlier goal, and that pose becomes the goal. Otherwise the goal stays, so that noise moves it nowhere.
+    /// there to the goal that it got last, so that the pose becomes its goal. Otherwise the goal stays, so that noise moves it nowhere.
     fn hold(&mut self, now: Duration, pose: &Pose) {
         let halts = matches!(self.state, State::Halting { .. });
-        self.holding = self.holding.filter(|holding| now < holding.until);
-        let Some(holding) = &mut self.holding else {
+        let holding = self.holding.take();
+        let Some(mut holding) = holding.filter(|holding| now < holding.sent + HOLDING) else {
             return;
         };
-        let has_jumped = holding.pose.distance_to(pose) > JUMP;
-        if has_jumped {
-            holding.pose = *pose;
-        }
-        if has_jumped || halts {
+        if holding.pose.distance_to(pose) > JUMP {
+            holding = Holding::at(*pose, now);
+            self.commands.push_back(DriveCommand::Goal(*pose));
+        } else if halts && now < holding.since + HOLDING {
+            holding.sent = now;
             self.commands.push_back(DriveCommand::Goal(holding.pose));
         }
+        self.holding = Some(holding);
     }
 
     /// Handles an answer to a docking request; ignores one to an earlier request.

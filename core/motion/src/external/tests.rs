@@ -200,8 +200,37 @@ fn a_driver_that_is_to_stand_gets_its_pose_as_the_goal_and_again_if_that_jumps()
         halted.handle_pose(at(time), pose(measured, 0.0));
         assert_eq!(goals(&mut halted), [pose(held, 0.0)], "{time}");
     }
-    halted.handle_pose(at(2_200), pose(1.0, 0.0));
+    halted.handle_pose(at(2_300), pose(1.0, 0.0));
     assert_eq!(goals(&mut halted), [], "its last goal is too old");
+
+    // The driver follows the goal that it got for a jump as long as any other.
+    let mut late = drive();
+    late.go(at(0), &goal(1.0));
+    late.handle_pose(at(100), pose(1.0, 0.0));
+    for (time, measured) in [(2_000, 3.0), (2_150, 1.0), (4_100, 3.0), (4_500, 1.0)] {
+        goals(&mut late);
+        late.handle_pose(at(time), pose(measured, 0.0));
+        assert_eq!(goals(&mut late), [pose(measured, 0.0)], "{time}");
+    }
+    // While it halts, each goal counts that it gets.
+    let mut halting = drive();
+    halting.go(at(0), &goal(5.0));
+    halting.handle_pose(at(100), pose(1.0, 0.0));
+    halting.halt(at(100));
+    halting.handle_pose(at(2_050), pose(1.01, 0.0));
+    goals(&mut halting);
+    halting.handle_pose(at(2_150), pose(1.01, 0.0));
+    assert_eq!(
+        goals(&mut halting),
+        [],
+        "what it followed before is too old"
+    );
+    halting.handle_pose(at(2_200), pose(3.0, 0.0));
+    assert_eq!(
+        goals(&mut halting),
+        [pose(3.0, 0.0)],
+        "it got the last one at 2.05 s"
+    );
 
     let mut arrived = drive();
     arrived.go(at(0), &goal(1.0));
