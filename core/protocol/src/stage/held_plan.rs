@@ -153,7 +153,7 @@ impl HeldPlan {
 
     /// Why no module moves by this plan, if so.
     pub(crate) fn refusal(&self) -> Option<&MotionError> {
-        self.motion.planned.planned().refusal()
+        self.motion.paths.planned().refusal()
     }
 
     /// The service of this module when the roster was made.
@@ -172,7 +172,7 @@ impl HeldPlan {
 
     /// The unit of each module in the paths, and the module's own path; empty if no module moves.
     pub(crate) fn places(&self) -> BTreeMap<ModuleId, PathPlace<'_>> {
-        self.motion.planned.places()
+        self.motion.paths.places()
     }
 
     /// Where another member, with its path if it has one, may be that was last `seen` there.

@@ -14,7 +14,7 @@ use crate::indexed_motion::IndexedMotion;
 /// How the modules of a plan move, and what this module does.
 #[derive(Clone)]
 pub(super) struct HeldMotion {
-    pub planned: Arc<IndexedMotion>,
+    pub paths: Arc<IndexedMotion>,
     /// This module's part, if there are paths.
     pub route: Option<Route>,
     /// The other members that are measured off their ways.
@@ -23,11 +23,11 @@ pub(super) struct HeldMotion {
 
 impl HeldMotion {
     /// The motion of a plan, for one of the members.
-    pub fn of(own: ModuleId, planned: &Arc<IndexedMotion>) -> Self {
+    pub fn of(own: ModuleId, paths: &Arc<IndexedMotion>) -> Self {
         Self {
-            route: Route::of(own, planned),
+            route: Route::of(own, paths),
             off_path: BTreeMap::new(),
-            planned: Arc::clone(planned),
+            paths: Arc::clone(paths),
         }
     }
 }

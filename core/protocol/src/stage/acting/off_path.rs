@@ -45,7 +45,7 @@ impl HeldPlan {
         (done, stands): (u32, bool),
         pose: &Pose,
     ) -> Option<MicroUnits> {
-        let Some((unit, member)) = self.motion.planned.place_of(module) else {
+        let Some((unit, member)) = self.motion.paths.place_of(module) else {
             let from = self.roster.member(module)?.module.pose;
             return Some(from.distance_to(pose).max(turned_off(&from, &from, pose)));
         };
