@@ -230,12 +230,15 @@ impl Host {
 
     /// The hosted modules as they are now, for a host that takes them over.
     pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
+        // A driver goes on for a while without the process.
+        let stands = self.motion.mode != DriveMode::External;
         let modules = self.modules.iter().zip(self.replica.agents());
         let modules = modules.map(|(hosted, agent)| {
             let identity = Identity {
                 incarnation: agent.run().incarnation,
                 pose: agent.pose(),
                 links: agent.links().clone(),
+                last_plan: agent.last_plan().filter(|_| stands).cloned(),
                 ..hosted.identity.clone()
             };
             (identity, agent.service())

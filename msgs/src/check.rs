@@ -208,7 +208,7 @@ pub(crate) fn entries<R, T>(
 }
 
 /// The version of the protocol that this library speaks. It rises when modules of two builds could not agree on a plan.
-pub const PROTOCOL_VERSION: u32 = 8;
+pub const PROTOCOL_VERSION: u32 = 9;
 
 /// The version of the protocol of a message.
 /// Enforces C6.

@@ -5,8 +5,8 @@
 use std::time::Duration;
 
 use formation_model::{
-    self as model, ConfigurationId, DriveState, Incarnation, ModuleId, ModulePhase, ModuleSize,
-    SenderTime, Service, SpotId,
+    self as model, ConfigurationId, Digest, DriveState, Incarnation, ModuleId, ModulePhase,
+    ModuleSize, SenderTime, Service, SpotId,
 };
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,7 @@ pub struct ModuleState {
     pub incarnation: u64,
     pub knows: bool,
     pub is_idle: bool,
+    pub last_plan: u64,
     pub sequence: u64,
     pub epoch: Epoch,
     pub has_digest: bool,
@@ -138,6 +139,7 @@ impl ModuleState {
             incarnation: state.incarnation.0,
             knows: state.knows,
             is_idle: state.is_idle,
+            last_plan: state.last_plan.map_or(0, |digest| digest.0),
             sequence: state.sequence,
             epoch: state.epoch.as_ref().into(),
             has_digest: state.digest.is_some(),
@@ -191,6 +193,7 @@ impl ModuleState {
             incarnation: Incarnation(self.incarnation),
             knows: self.knows,
             is_idle: self.is_idle,
+            last_plan: Some(Digest(self.last_plan)).filter(|digest| digest.0 != 0),
             sequence: self.sequence,
             epoch,
             digest: check::digest(epoch, self.has_digest, self.digest)?,

@@ -72,6 +72,7 @@ fn state() -> wire::ModuleState {
         incarnation: 1,
         knows: true,
         is_idle: false,
+        last_plan: 0,
         sequence: 1,
         epoch: EPOCH,
         has_digest: true,
@@ -355,7 +356,7 @@ fn rosters() {
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
-            "roster: protocol_version: is 1, but this program speaks version 8; run the same build everywhere";
+            "roster: protocol_version: is 1, but this program speaks version 9; run the same build everywhere";
         roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
         roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
         roster => roster.stage = 0, "roster: stage: 0 is unknown; known are GATHER 1, PLAN 2";
@@ -576,7 +577,7 @@ fn commands() {
     };
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
-            "commands: protocol_version: is 1, but this program speaks version 8; run the same build everywhere";
+            "commands: protocol_version: is 1, but this program speaks version 9; run the same build everywhere";
         sample => sample.removals[1].incarnation = 0,
             "commands: removals[1].incarnation: 0 names no run; give the incarnation that heartbeats or a roster showed";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";

@@ -12,6 +12,7 @@ mod carried;
 mod departures;
 mod exits;
 mod faults;
+mod first_motion;
 mod forming;
 mod given;
 mod lapse;

@@ -15,7 +15,7 @@ use formation_sim::{
 };
 
 /// Each bug, a seed that finds it, and the violation.
-const FOUND: [(Mutation, u64, ViolationKind); 12] = [
+const FOUND: [(Mutation, u64, ViolationKind); 13] = [
     (Mutation::AcceptStaleEpoch, 4, ViolationKind::EpochWentBack),
     (
         Mutation::SkipDigestBarrier,
@@ -23,6 +23,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 12] = [
         ViolationKind::MotionWithoutAgreement,
     ),
     (Mutation::SkipLeaseWait, 1, ViolationKind::MotionBeforeLease),
+    (Mutation::FollowAnyPlan, 1, ViolationKind::MotionBeforeLease),
     (
         Mutation::DropIncarnationCheck,
         62,

@@ -402,7 +402,7 @@ def main():
     with lab.changed:
         known = max(entry.stop.revision for sample in lab.samples["heartbeats"] for entry in sample.modules)
     stop = lab.interfaces.value("formation_msgs/msg/Stop", revision=known + 1, stopped=True)
-    command = {"protocol_version": 8, "session": 0, "stop": stop}
+    command = {"protocol_version": 9, "session": 0, "stop": stop}
     commands.publish(**vars(lab.interfaces.value("formation_msgs/msg/OperatorCommand", **command)))
     lab.wait(
         "all heartbeats show it",

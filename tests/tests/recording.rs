@@ -228,7 +228,7 @@ fn announced(revision: u64, spot: u32, age: Duration) -> Value {
         "weight_dock": 0.1, "weight_undock": 0.05, "cut_price": 1.0, "spread": 0.001, "keep_all_spots": false,
     });
     json!({
-        "header": {"stamp": {"sec": since_1970.as_secs(), "nanosec": 0}},
+        "header": {"stamp": {"sec": since_1970.as_secs(), "nanosec": since_1970.subsec_nanos()}},
         "revision": revision, "expected_modules": 1,
         "spots": [{"id": spot, "x": 2.0, "y": 0.0}], "planner": planner,
     })
@@ -250,12 +250,13 @@ fn a_module_ignores_who_plays_a_recording_and_says_so() {
         domain,
         &["--module", "1", "--x", "0", "--y", "0"],
     );
-    player.put(&announced(3, 8, Duration::from_secs(3_600)));
+    player.put(&announced(3, 8, Duration::from_secs(4)));
     let warning = "ignores a participant that plays a recording";
     assert!(module.wait_for_log(0, warning, PATIENCE).is_some());
     // It sends anew what its recording holds, by now as fresh as can be.
     player.put(&announced(4, 8, Duration::ZERO));
     let mut announcer = Peer::start("put", "target", domain).unwrap();
+    announcer.await_ready();
     announcer.put(&announced(2, 9, Duration::ZERO));
     let claim = claims.taken();
     assert_eq!(claim["selections"][0]["spot_id"], 9, "{claim}");

@@ -132,6 +132,8 @@ pub struct ModuleState {
     pub knows: bool,
     /// In GATHERED: whether no run of its module can have shown a plan within the lease.
     pub is_idle: bool,
+    /// In GATHERED: the only plan that runs of its module can have shown within the lease, if they can have shown one.
+    pub last_plan: Option<Digest>,
     /// Rises with every state that this incarnation publishes.
     pub sequence: u64,
     /// The epoch of the state; `None` before the first.
@@ -207,6 +209,7 @@ impl ModuleState {
             incarnation: run.incarnation,
             knows: false,
             is_idle: false,
+            last_plan: None,
             sequence: 1,
             epoch: None,
             digest: None,

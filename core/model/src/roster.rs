@@ -75,7 +75,8 @@ pub struct RosterMember {
     pub incarnation: Incarnation,
     /// Whether this run has forgotten nothing that its module agreed on, so that it counts in a majority.
     pub knows: bool,
-    /// Whether no run of its module can have shown a plan within the lease: this one has shown none, and is the first or old enough.
+    /// Whether nobody who is no member can be in motion by a plan that a run of its module showed within the lease: it showed none, or all
+    /// who may move by that plan are members.
     pub is_idle: bool,
     /// Whether it takes part in plans. A member out of service is not part of the plan; it agrees like any other.
     pub service: Service,

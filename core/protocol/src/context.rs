@@ -36,6 +36,7 @@ use super::quorum::Shortfall;
 use super::refusal::Refusal;
 use super::robot::Robot;
 use super::session::{Session, shortfall_of};
+use super::shown_plans::{Frozen, ShownPlans};
 
 /// Within what distance of a goal a drive has arrived if nothing else is said.
 const POSITION_TOLERANCE: MicroUnits = MicroUnits(20_000);
@@ -61,6 +62,10 @@ pub(super) struct Own {
     pub shares_samples: bool,
     /// When this run started.
     pub started: Duration,
+}
+
+fn idle_age(parameters: &AgentParameters) -> Duration {
+    parameters.lease + parameters.heartbeat
 }
 
 /// What every stage reads and changes.
@@ -90,6 +95,10 @@ pub(super) struct Context {
 
 impl Context {
     pub fn new(identity: Identity, parameters: AgentParameters, now: Duration) -> Self {
+        let mut shown = ShownPlans::after(identity.last_plan.clone());
+        if !identity.is_first_run {
+            shown.forget_until(now + idle_age(&parameters));
+        }
         Self {
             now,
             own: Own {
@@ -111,7 +120,7 @@ impl Context {
             stop: Stop::default(),
             clock_doubt: None,
             target: KnownTarget::default(),
-            session: Session::new(identity.is_first_run),
+            session: Session::new(identity.is_first_run, shown),
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
             reception: Reception::default(),
             plans: Plans::default(),
@@ -214,7 +223,7 @@ impl Context {
     /// How old a run must be so that what its former run showed counts for nobody any more, and how long after all members of a roster
     /// froze nobody can be in motion by another one: a lease, and what clocks and delays may add to that.
     pub fn idle_age(&self) -> Duration {
-        self.parameters.lease + self.parameters.heartbeat
+        idle_age(&self.parameters)
     }
 
     /// Whether this run of this module has listened for `suspicion`.
@@ -222,11 +231,16 @@ impl Context {
         self.now >= self.own.started + self.parameters.suspicion
     }
 
-    /// Whether no run of this module can have shown a plan within the lease.
+    /// This module freezes: which plans can runs of it have shown within the lease?
     /// Enforces A2.
-    pub fn is_idle(&self) -> bool {
+    pub fn freeze(&mut self) {
         let is_old = self.now >= self.own.started + self.idle_age();
-        !self.session.has_shown_plan && (self.session.is_first_run || is_old)
+        let shown = &mut self.session.shown;
+        let is_idle = !shown.has_shown && (self.session.is_first_run || is_old);
+        shown.frozen = Frozen {
+            is_idle,
+            last_plan: shown.only_plan(self.now).map(Digest::from),
+        };
     }
 
     /// This module and all live ones, in ascending order.
@@ -318,7 +332,7 @@ impl Context {
         RosterMember {
             incarnation: self.own.run.incarnation,
             knows: self.session.knows(),
-            is_idle: self.session.froze_idle,
+            is_idle: self.session.shown.frozen.is_idle,
             service: self.robot.service,
             module: PlanningModule {
                 id: self.module(),

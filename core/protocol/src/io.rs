@@ -12,6 +12,7 @@ use formation_motion::{MotionGoal, MotionReport};
 use super::durable::DurableState;
 use super::event::Event;
 use super::plans::{ComputedPlan, PlanJob};
+use super::shown_plans::ShownPlan;
 
 /// What a module knows about itself when its process starts.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,6 +25,8 @@ pub struct Identity {
     pub has_store: bool,
     /// Whether no run of it took part in the session before.
     pub is_first_run: bool,
+    /// What [`super::Agent::last_plan`] said of the run before in the same process, whose drive stands.
+    pub last_plan: Option<ShownPlan>,
     /// Its pose at the start.
     pub pose: Pose,
     /// The modules that it is docked to at the start.
@@ -43,6 +46,7 @@ impl Identity {
             incarnation: run.incarnation,
             has_store: false,
             is_first_run: false,
+            last_plan: None,
             pose,
             links: BTreeSet::new(),
             configuration: None,

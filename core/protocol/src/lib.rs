@@ -45,6 +45,7 @@ mod robot;
 mod roster_plan;
 mod rosters;
 mod session;
+mod shown_plans;
 mod snapshot;
 mod stage;
 mod stop;
@@ -64,6 +65,7 @@ pub use plans::{ComputedPlan, PlanJob};
 pub use quorum::Shortfall;
 pub use refusal::{Refusal, RefusalCounts};
 pub use replica::{Arrived, Replica};
+pub use shown_plans::ShownPlan;
 
 use formation_model::{
     Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
@@ -237,6 +239,13 @@ impl Agent {
     #[must_use]
     pub fn epoch(&self) -> Option<Epoch> {
         self.stage.epoch()
+    }
+
+    /// The last plan that it showed, if nobody can move by any other one that runs of it showed: the next run of its process starts with
+    /// it, unless the drive may go on without the process.
+    #[must_use]
+    pub fn last_plan(&self) -> Option<&ShownPlan> {
+        self.context.session.shown.only_plan(self.context.now)
     }
 
     /// The digest of its whole plan, once every turn is applied.

@@ -194,6 +194,8 @@ impl Agent {
             announced.module.pin = mine.module.pin;
         }
         announced.service = mine.service;
+        announced.is_idle |=
+            mine.is_idle && self.context.session.shown.are_over_in(&roster.members);
         let moved = mine.module.pose.distance_to(&announced.module.pose);
         if is_frozen && moved.0 > 0 {
             self.context.robot.moved_in = Some((roster.epoch, moved));

@@ -8,6 +8,7 @@ use formation_model::{
 };
 
 use super::quorum::{self, Shortfall};
+use super::shown_plans::ShownPlans;
 
 /// What a module knows of the session.
 #[derive(Clone, Debug, Default, Hash)]
@@ -19,10 +20,8 @@ pub(super) struct Session {
     pub is_first_run: bool,
     /// Whether a run whose memory this one has forgot nothing, or this one was in a roster that was in force.
     pub was_in_force: bool,
-    /// Whether no run of this module could have shown a plan within the lease when it last froze.
-    pub froze_idle: bool,
-    /// Whether this run has shown the digest of a plan.
-    pub has_shown_plan: bool,
+    /// Which plans runs of this module showed.
+    pub shown: ShownPlans,
     /// Whether a module was seen to show the digest of a plan: expected modules that are absent later may be gone for good.
     pub has_seen_plan: bool,
     highest_epoch: Option<Epoch>,
@@ -34,9 +33,10 @@ pub(super) struct Session {
 
 impl Session {
     /// Nothing is known yet, of a module for which this is the first run in the session or may not be.
-    pub fn new(is_first_run: bool) -> Self {
+    pub fn new(is_first_run: bool, shown: ShownPlans) -> Self {
         Self {
             is_first_run,
+            shown,
             ..Self::default()
         }
     }
@@ -128,7 +128,6 @@ impl Session {
         self.note_voters(&roster.voters.named);
         self.voters
             .learn(&roster.voters.removed, &roster.voters.listed);
-        self.has_shown_plan = true;
         self.has_seen_plan = true;
     }
 

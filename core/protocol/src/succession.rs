@@ -123,7 +123,7 @@ impl Agent {
         let context = &self.context;
         let is_later = named > context.own.run.incarnation && context.is_plausible(named.0);
         let is_new = self.succession.to_exceed < Some(named);
-        if is_later && is_new && !context.session.has_shown_plan {
+        if is_later && is_new && !context.session.shown.has_shown {
             self.succession.to_exceed = Some(named);
             self.succession.note_successor(named);
             self.stand_back();

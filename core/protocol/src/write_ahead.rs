@@ -22,11 +22,13 @@ impl Agent {
             return self;
         };
         let context = &mut self.context;
+        let idle_from = context.own.started + context.idle_age();
         let session = &mut context.session;
         for epoch in [stored.entered, stored.highest].into_iter().flatten() {
             session.note_epoch(epoch);
         }
         session.is_first_run = false;
+        session.shown.forget_until(idle_from);
         session.was_in_force = stored.knows;
         session.restore_voters(&stored.voters);
         context.robot.service = stored.service;

@@ -1,6 +1,7 @@
 //! Strategies for everything that agents may send to each other.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -318,7 +319,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
     (
         planning_module(),
         (
-            (incarnation(), any::<(bool, bool)>()),
+            (incarnation(), any::<(bool, bool, Option<NonZeroU64>)>()),
             any::<u64>(),
             epoch_and_digest(),
         ),
@@ -340,7 +341,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
         .prop_map(
             |(
                 module,
-                ((incarnation, (knows, is_idle)), sequence, (epoch, digest)),
+                ((incarnation, (knows, is_idle, last_plan)), sequence, (epoch, digest)),
                 (phase, service, at, drive),
                 (unit, steps_done, since),
                 (
@@ -356,6 +357,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 incarnation,
                 knows,
                 is_idle,
+                last_plan: last_plan.map(|digest| Digest(digest.get())),
                 sequence,
                 epoch,
                 digest,

@@ -133,6 +133,7 @@ impl Cluster {
         };
         body.incarnation.0 += 1;
         let identity = body.clone();
+        body.last_plan = None;
         let drive = SimulatedDrive::new(
             identity.pose,
             self.parameters.speed_units_per_s,

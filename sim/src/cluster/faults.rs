@@ -333,8 +333,11 @@ impl Cluster {
 
     /// Ends a process for one of its modules, of which the next run is to know what it knows.
     fn keep_for_next_run(&mut self, module: ModuleId) {
-        let memory = |agent: &mut Agent| (agent.memory(), agent.run().incarnation);
-        let Some((state, incarnation)) = self.hosting.with_agent(module, memory) else {
+        let memory = |agent: &mut Agent| {
+            let last_plan = agent.last_plan().cloned();
+            (agent.memory(), agent.run().incarnation, last_plan)
+        };
+        let Some((state, incarnation, last_plan)) = self.hosting.with_agent(module, memory) else {
             return;
         };
         let Some(process) = self.end_process(module) else {
@@ -345,6 +348,7 @@ impl Cluster {
         self.stores.insert(module, Stored { state, seen });
         if let Some(body) = self.bodies.get_mut(&module) {
             body.incarnation = body.incarnation.max(incarnation);
+            body.last_plan = last_plan;
         }
     }
 

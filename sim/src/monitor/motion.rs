@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use formation_model::ModuleId;
 use formation_model::text::listed_in_full;
+use formation_model::{ModuleId, RosterMember};
 
 use super::{Monitor, PlanKey, ViolationKind};
 use crate::cluster::Cluster;
@@ -12,19 +12,30 @@ use crate::cluster::Cluster;
 const ROUNDING: Duration = Duration::from_millis(5);
 
 impl Monitor {
-    /// A voter of the roster that showed another plan before this one, and so lately that somebody may still move by that.
+    /// A voter of the roster that showed another plan before this one, so lately that somebody who is no member may still move by that.
     fn showed_another(&self, plan: PlanKey, at: Duration) -> Option<ModuleId> {
         let roster = &self.rosters.get(&plan.0)?.roster;
         let shown = self.shown.get(&plan)?;
         let is_recent = |module: &ModuleId| {
             let first = shown.get(module);
             let others = self.last_shown.get(module).into_iter().flatten();
-            let mut others = others.filter(|(other, _)| **other != plan);
+            let mut others = others
+                .filter(|(other, _)| **other != plan && self.leaves_out_members(plan, **other));
             others.any(|(_, last)| Some(last) < first && at + ROUNDING < *last + self.lease)
         };
         let members = roster.members.iter().map(|member| member.module.id);
         let mut voters = members.filter(|module| roster.voters.named.contains(module));
         voters.find(is_recent)
+    }
+
+    /// Whether a roster leaves out a member of that of another plan.
+    fn leaves_out_members(&self, plan: PlanKey, other: PlanKey) -> bool {
+        let members = |plan: PlanKey| Some(&self.rosters.get(&plan.0)?.roster.members);
+        let (Some(members), Some(others)) = (members(plan), members(other)) else {
+            return true;
+        };
+        let mut others = others.iter().map(|member| member.module.id);
+        others.any(|other| RosterMember::find(members, other).is_none())
     }
 
     /// A drive received a goal: its plan is the only one in motion, all members agreed to it long enough ago, and none has

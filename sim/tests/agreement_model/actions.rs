@@ -27,6 +27,8 @@ pub enum Action {
     /// The resume file is lost as well.
     CrashAndLose(usize),
     Restart(usize),
+    /// A process begins a new run.
+    Rejoin(usize),
     /// A command removes the present or last run of this module, with its vote.
     Remove(usize),
     /// All such commands reach this module.
@@ -59,6 +61,9 @@ impl Agreement {
             if left.losses > 0 && module.has_file {
                 actions.push(Action::CrashAndLose(index));
             }
+        }
+        if left.rejoins > 0 && left.rosters > 0 {
+            actions.push(Action::Rejoin(index));
         }
         if module.roster.is_some() && !module.shows && self.may_show(state, index) {
             actions.push(Action::Show(index));
@@ -157,9 +162,16 @@ impl Agreement {
         let Some(roster) = state.roster_of(index).copied() else {
             return;
         };
+        let name = state.modules[index].roster.unwrap_or_default();
+        let outside = |last: u8| state.rosters[usize::from(last)].members & !roster.members;
+        let last = state.modules[index].run.last.filter(|&last| last != name);
+        let may_leave_others = last.is_some_and(|last| outside(last) != 0);
         let module = &mut state.modules[index];
         (module.shows, module.run.has_shown) = (true, true);
-        let name = module.roster.unwrap_or_default();
+        module.run.last = Some(name);
+        if may_leave_others && self.rule != Rule::OtherPlansForgotten {
+            module.run.others = self.idle_wait();
+        }
         module.memory.plans |= roster.plans | 1 << name;
         module.memory.listed |= roster.removed;
         self.see_agreement(state, index);
@@ -191,6 +203,10 @@ impl Agreement {
                 self.crash(state, module, true);
             }
             Action::Restart(module) => self.restart(state, module),
+            Action::Rejoin(module) => {
+                state.left.rejoins -= 1;
+                self.rejoin(state, module);
+            }
             Action::Remove(module) => {
                 state.left.removals -= 1;
                 state.left.false_removals -= u8::from(state.modules[module].is_up);

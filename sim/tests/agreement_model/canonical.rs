@@ -17,9 +17,11 @@ impl Agreement {
             self.forget(index, module);
         }
         let known = live | state.last.map_or(0, |last| 1 << last);
+        let shown = state.modules.iter().filter_map(|module| module.run.last);
+        let shown = shown.fold(0, |shown, roster| shown | 1 << roster);
         let tails = state.modules.iter().filter_map(|module| module.tail);
-        let kept = tails.fold(known, |kept, (roster, _)| kept | 1 << roster);
-        rename(state, live, known, kept);
+        let kept = tails.fold(known | shown, |kept, (roster, _)| kept | 1 << roster);
+        rename(state, live, known, kept, shown);
         if self.sorts {
             self.sort(state);
         }
@@ -98,6 +100,7 @@ impl Agreement {
             module.has_file = false;
             module.listened = [NEVER; MAX];
             (module.run.age, module.run.has_shown, module.run.has_vote) = (0, false, false);
+            (module.run.last, module.run.others) = (None, 0);
             if module.roster.is_none() {
                 (module.is_up, module.run.skew) = (true, 0);
             }
@@ -116,6 +119,9 @@ impl Agreement {
         }
         if module.run.has_shown || !is_voter {
             module.run.age = 0;
+        }
+        if !is_voter {
+            (module.run.last, module.run.others) = (None, 0);
         }
     }
 
@@ -181,9 +187,9 @@ impl Agreement {
 }
 
 /// What tells a module apart, whatever the others are called.
-fn key(state: &State, module: usize) -> [u8; 24] {
+fn key(state: &State, module: usize) -> [u8; 26] {
     let this = &state.modules[module];
-    let mut key = [0; 24];
+    let mut key = [0; 26];
     let flags = [
         this.is_up,
         this.has_file,
@@ -213,6 +219,8 @@ fn key(state: &State, module: usize) -> [u8; 24] {
     let mut heard = this.heard;
     heard.sort_unstable();
     key[14..14 + MAX].copy_from_slice(&heard);
+    key[24] = this.run.last.unwrap_or(NEVER);
+    key[25] = this.run.others;
     for (place, roster) in (14 + MAX..24).zip(&state.rosters) {
         let lists = [roster.members, roster.removed].map(|set| u8::from(contains(set, module)));
         key[place] = lists[0] << 1 | lists[1];
@@ -224,8 +232,8 @@ fn count(set: Set) -> u8 {
     (0..8).fold(0, |count, element| count + (set >> element & 1))
 }
 
-/// Keeps these rosters, in order; only live ones keep what they list.
-fn rename(state: &mut State, live: u8, known: u8, kept: u8) {
+/// Keeps these rosters, in order; only live ones keep what they list, and those that were shown last their members.
+fn rename(state: &mut State, live: u8, known: u8, kept: u8, shown: u8) {
     let name = |roster: u8| count(kept & (bit(usize::from(roster)) - 1));
     let names = |plans: u8| {
         let plans = (0..8).filter(|&roster| plans & known & 1 << roster != 0);
@@ -239,6 +247,7 @@ fn rename(state: &mut State, live: u8, known: u8, kept: u8) {
         let is_live = contains(live, index);
         let is_last = state.last.is_some_and(|last| usize::from(last) == index);
         let may_be_judged = is_last && live & (bit(index) - 1) != 0;
+        let members = roster.members & if contains(shown, index) { Set::MAX } else { 0 };
         state.rosters.push(match roster {
             roster if is_live => roster,
             Roster {
@@ -246,14 +255,19 @@ fn rename(state: &mut State, live: u8, known: u8, kept: u8) {
             } if may_be_judged => Roster {
                 plans,
                 is_whole,
+                members,
                 ..Roster::default()
             },
-            _ => Roster::default(),
+            _ => Roster {
+                members,
+                ..Roster::default()
+            },
         });
     }
     for module in &mut state.modules {
         module.memory.plans = names(module.memory.plans);
         module.roster = module.roster.map(name);
+        module.run.last = module.run.last.map(name);
         module.tail = module.tail.map(|(roster, ticks)| (name(roster), ticks));
         module.former = module.former.map(|(roster, age)| (name(roster), age));
     }

@@ -13,6 +13,7 @@ const NOTHING: Budget = Budget {
     blind: 0,
     link_changes: 0,
     sleeps: 0,
+    rejoins: 0,
 };
 
 /// Clocks, delays and drives as bad as they may be.
@@ -138,6 +139,31 @@ pub fn idle_with_removal() -> Agreement {
             ..NOTHING
         },
         ..idle()
+    }
+}
+
+/// As in `idle`, with a process that begins a new run: rosters that all who moved last follow.
+pub fn rejoining() -> Agreement {
+    Agreement {
+        times: SHORT,
+        budget: Budget {
+            crashes: 1,
+            rejoins: 1,
+            ..idle().budget
+        },
+        ..idle()
+    }
+}
+
+/// The same with two new runs, and a cut or one-way links.
+pub fn rejoining_apart() -> Agreement {
+    Agreement {
+        budget: Budget {
+            rejoins: 2,
+            link_changes: 1,
+            ..rejoining().budget
+        },
+        ..rejoining()
     }
 }
 

@@ -139,12 +139,7 @@ impl Model for Agreement {
     type Action = Action;
 
     fn init_states(&self) -> Vec<State> {
-        let run = Run {
-            age: self.idle_wait(),
-            has_shown: false,
-            has_vote: true,
-            skew: 0,
-        };
+        let run = Run::first(self.idle_wait());
         let module = |index: usize| Module {
             is_up: true,
             has_file: contains(self.files, index),

@@ -97,6 +97,7 @@ impl Agreement {
             module.agreed = (module.agreed + 1).min(self.longest_wait());
         }
         module.run.age = (module.run.age + 1).min(self.idle_wait());
+        module.run.others = module.run.others.saturating_sub(1);
         module.memory.removal_age = (module.memory.removal_age + 1).min(self.idle_wait());
     }
 
@@ -158,9 +159,25 @@ impl Agreement {
         };
         if !passes && module.roster.is_some() {
             self.withdraw(module);
-            module.run.age = 0;
-            module.run.has_shown = false;
+            module.run = module.run.next(self.idle_wait());
         }
+    }
+
+    /// A process begins a new run, as after its addresses changed: its drive halts, and it knows what it showed.
+    pub fn rejoin(&self, state: &mut State, module: usize) {
+        let tail = self.tail(state, module);
+        let this = &mut state.modules[module];
+        self.withdraw(this);
+        (this.tail, this.run) = (tail, this.run.next(self.idle_wait()));
+    }
+
+    /// What is left of the motion of a drive whose goal is withdrawn.
+    fn tail(&self, state: &State, module: usize) -> Option<(u8, u8)> {
+        let this = &state.modules[module];
+        let counts = self.times.stop > 0 && this.run.skew == 0;
+        let goal = self.goal(state, module).filter(|_| counts);
+        goal.map(|roster| (roster, self.times.stop + 1))
+            .or(this.tail)
     }
 
     /// A module that shows a digest notes whether it has seen all others show it.
@@ -186,20 +203,12 @@ impl Agreement {
     }
 
     pub fn crash(&self, state: &mut State, module: usize, loses_file: bool) {
-        let goal = self.goal(state, module);
-        let tail = goal.map(|roster| (roster, self.times.stop + 1));
+        let tail = self.tail(state, module);
         let this = &mut state.modules[module];
         self.withdraw(this);
-        this.is_up = false;
-        let counts = self.times.stop > 0 && this.run.skew == 0;
-        this.tail = tail.filter(|_| counts).or(this.tail);
+        (this.is_up, this.tail) = (false, tail);
         this.listened = [0; MAX];
-        this.run = Run {
-            age: 0,
-            has_shown: false,
-            has_vote: true,
-            skew: 0,
-        };
+        this.run = Run::forgetful(self.idle_wait());
         this.has_file &= !loses_file;
         if !this.has_file {
             this.memory = super::Memory::default();

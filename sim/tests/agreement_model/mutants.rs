@@ -4,7 +4,7 @@ use stateright::{Checker, HasDiscoveries, Model};
 
 use super::configurations::{
     blind, clocks, false_removal, files, heartbeats, idle, idle_with_removal, lease_from_agreement,
-    no_files, one_remains, removal, sleep, two_rosters,
+    no_files, one_remains, rejoining, removal, sleep, two_rosters,
 };
 use super::state::Budget;
 use super::{Action, Agreement, BODIES, GOALS, MOTION, Network, Rule};
@@ -76,6 +76,9 @@ fn two_plans_move_by_weaker_forms_of_rule_3() {
         length(Rule::IdleDespiteRemoval, idle_with_removal(), GOALS),
         12
     );
+    let model = rejoining();
+    assert_eq!(length(Rule::LastPlanOfOthers, model, GOALS), 7);
+    assert_eq!(length(Rule::OtherPlansForgotten, model, GOALS), 10);
 }
 
 #[test]

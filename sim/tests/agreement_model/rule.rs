@@ -1,7 +1,7 @@
 //! Which modules may form a roster, and when it may move: rules 1 to 6, and their mutants.
 
 use super::Agreement;
-use super::state::{NEVER, Roster, Set, State, bit, contains, each};
+use super::state::{NEVER, Roster, Run, Set, State, bit, contains, each};
 
 /// The rule that a model follows: the one that holds, or one that differs from it in one point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +31,10 @@ pub enum Rule {
     NoMargins,
     /// Rule 3 without its clause about removals.
     IdleDespiteRemoval,
+    /// Rule 3 for a roster that leaves out members of the last plan.
+    LastPlanOfOthers,
+    /// Rule 3 without the plans that were shown before the last one.
+    OtherPlansForgotten,
     /// A module that learns that it slept does not halt.
     GoesOnAfterSleep,
     /// A run that finds no file counts as one that knows. A file restored from a backup has the same effect.
@@ -184,6 +188,9 @@ impl Agreement {
             let has_plan = modules().any(|module| module.run.has_shown);
             return if has_plan { NEVER } else { 0 };
         }
+        if self.follows_last_plan(state, set, count) {
+            return 0;
+        }
         let mut voters = each(set & self.voters & !count.removed);
         if !count.is_whole || voters.any(|module| state.modules[module].run.has_shown) {
             return NEVER;
@@ -204,6 +211,24 @@ impl Agreement {
             return runs;
         }
         runs.max(removals.max().unwrap_or(0))
+    }
+}
+
+impl Agreement {
+    /// Whether all that moved last is in this roster: each voter is idle, or can have shown no plan within the lease but the same last
+    /// one, whose members are members of this roster.
+    fn follows_last_plan(&self, state: &State, set: Set, count: &Count) -> bool {
+        let runs = || each(set & self.voters).map(|module| &state.modules[module].run);
+        let Some(last) = runs().find_map(|run| run.last) else {
+            return false;
+        };
+        let is_idle = |run: &Run| !run.has_shown && run.age >= self.idle_wait();
+        let is_followed = |run: &Run| run.last == Some(last) && run.others == 0;
+        let outside = state.rosters[usize::from(last)].members & !set;
+        count.is_whole
+            && count.removed == 0
+            && (outside == 0 || self.rule == Rule::LastPlanOfOthers)
+            && runs().all(|run| is_idle(run) || is_followed(run))
     }
 }
 

@@ -5,8 +5,8 @@ use stateright::{Checker, HasDiscoveries, Model};
 use super::configurations::{
     blind, clocks, everything, false_removal, false_removal_without_files, files, five_voters,
     heartbeats, idle, idle_with_removal, lease_from_agreement, links, long_sleep, lossy_crash,
-    no_files, one_by_one, one_remains, removal, removal_without_files, sleep, two_removals,
-    two_rosters,
+    no_files, one_by_one, one_remains, rejoining, rejoining_apart, removal, removal_without_files,
+    sleep, two_removals, two_rosters,
 };
 use super::state::Budget;
 use super::{AFTER_CRASH, Agreement, IN_FORCE, MOVES, Rule, Search, WITHOUT_WAIT};
@@ -59,7 +59,7 @@ fn reach(name: &str, model: Agreement, events: &[&'static str]) {
 
 #[test]
 fn leases_keep_two_plans_apart() {
-    search("heartbeats", heartbeats(), 90_000);
+    search("heartbeats", heartbeats(), 70_000);
     search("lease from agreement", lease_from_agreement(), 300_000);
     search("a crash", lossy_crash(), 100_000);
     search("clocks", clocks(), 400_000);
@@ -70,6 +70,7 @@ fn leases_keep_two_plans_apart() {
 fn no_idle_lease_where_nobody_can_be_running() {
     search("idle", idle(), 200_000);
     search("idle, removal", idle_with_removal(), 50_000);
+    search("rejoining", rejoining(), 100_000);
 }
 
 #[test]
@@ -107,7 +108,7 @@ fn other_rules_hold_as_well() {
         budget,
         ..sleep()
     };
-    search("sleep", ages, 200_000);
+    search("sleep", ages, 150_000);
     for (name, model) in [
         ("two of three", one_remains()),
         ("one of four", two_rosters(removal())),
@@ -146,6 +147,7 @@ fn the_rule_holds_in_larger_searches() {
     search("five voters", five_voters(), 1_000_000);
     search("two of four", two_removals(), 1_000_000);
     search("everything", everything(), 1_000_000);
+    search("rejoining apart", rejoining_apart(), 10_000_000);
     search("no files", removal_without_files(), 1_000_000);
     search("no files, false", false_removal_without_files(), 1_000_000);
     search("one by one", one_by_one(), 1_000_000);

@@ -46,6 +46,10 @@ pub struct Run {
     pub age: u8,
     /// Whether it showed the digest of any roster.
     pub has_shown: bool,
+    /// The roster whose digest runs of this process showed last.
+    pub last: Option<u8>,
+    /// Ticks until nobody can move by another one that they showed.
+    pub others: u8,
     /// False for a run that started after the vote of its module was removed.
     pub has_vote: bool,
     /// Ticks for which it slept since it last heard a heartbeat: by so many it judges ages too low.
@@ -94,12 +98,15 @@ impl Hash for Module {
             [self.run.age, self.run.skew],
             [option(self.roster), self.agreed],
         );
+        let last = [option(self.run.last), self.run.others];
         hasher.write(&self.heard);
         hasher.write(&self.listened);
         hasher.write(&[
             flags,
             run[0],
             run[1],
+            last[0],
+            last[1],
             seen[0],
             seen[1],
             tail.0,
@@ -112,6 +119,38 @@ impl Hash for Module {
             memory.proposed,
             memory.removal_age,
         ]);
+    }
+}
+
+impl Run {
+    /// A run before which there was none.
+    pub fn first(age: u8) -> Self {
+        Self {
+            age,
+            has_shown: false,
+            last: None,
+            others: 0,
+            has_vote: true,
+            skew: 0,
+        }
+    }
+
+    /// A run that forgot what those before it showed, which matters for so many ticks.
+    pub fn forgetful(ticks: u8) -> Self {
+        Self {
+            others: ticks,
+            ..Self::first(0)
+        }
+    }
+
+    /// The next run of the same process, which knows what this one showed.
+    pub fn next(self, ticks: u8) -> Self {
+        let last = self.last.filter(|_| self.others == 0);
+        Self {
+            last,
+            has_vote: self.has_vote,
+            ..Self::forgetful(if last.is_some() { 0 } else { ticks })
+        }
     }
 }
 
@@ -154,6 +193,8 @@ pub struct Budget {
     pub link_changes: u8,
     /// Ticks for which a module may sleep.
     pub sleeps: u8,
+    /// Processes that begin new runs.
+    pub rejoins: u8,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]

@@ -164,7 +164,16 @@ impl World {
             return;
         }
         let last = shown.values().max().copied().unwrap_or_default();
-        if evidence.begun.insert(plan) && now < last + lease {
+        // All who may move by a plan that a member showed before are members now.
+        let is_over = |other: &PlanKey| {
+            let others = evidence.rosters.get(&other.0);
+            others.is_some_and(|others| others.iter().all(|other| members.contains(other)))
+        };
+        let follows = members.iter().all(|member| {
+            let mut plans = evidence.shown.iter();
+            plans.any(|(other, by)| *other != plan && by.contains_key(member) && is_over(other))
+        });
+        if evidence.begun.insert(plan) && now < last + lease && !follows {
             self.violation = Some(format!("{module} sets off before the lease has passed"));
         }
         // Heartbeats take no time here unless a timer overtakes them, which a second covers.

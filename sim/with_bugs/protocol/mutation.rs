@@ -18,6 +18,9 @@ pub enum Mutation {
     /// Moves as soon as all members agree.
     /// Lacks A2.
     SkipLeaseWait,
+    /// Sets off at once after the last plan, whoever of its members the roster leaves out.
+    /// Lacks A2.
+    FollowAnyPlan,
     /// Keeps moving when members no longer show agreement.
     /// Lacks A3.
     IgnoreLapse,

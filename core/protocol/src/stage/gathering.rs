@@ -102,7 +102,7 @@ impl Gathering {
     fn enter(context: &mut Context, epoch: Epoch, target: Digest, role: Part) -> Self {
         context.stand_still();
         context.note_opened(epoch);
-        context.session.froze_idle = context.is_idle();
+        context.freeze();
         context.set_shortfall(None);
         context.mark_state_changed();
         context.emit(Event::Gathered(epoch));
@@ -135,7 +135,8 @@ impl Gathering {
         let voters = context.session.voters();
         state.removed_voters.clone_from(&voters.removed);
         state.listed_voters.clone_from(&voters.listed);
-        state.is_idle = context.session.froze_idle;
+        let frozen = &context.session.shown.frozen;
+        (state.is_idle, state.last_plan) = (frozen.is_idle, frozen.last_plan);
     }
 
     /// Why a member no longer waits for the roster, if so.
@@ -264,6 +265,9 @@ impl Gathering {
         let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
         members.push(context.as_member(|| digest::of_target(&announcement)));
         members.sort_by_key(|member| member.module.id);
+        if follows_last_plan(&members, frozen, context) {
+            members.iter_mut().for_each(|member| member.is_idle = true);
+        }
         let is_active = |member: &RosterMember| member.service == Service::Active;
         let some_is_active = members.iter().any(is_active);
         let voters = context
@@ -408,6 +412,22 @@ fn receiving_each_other(
     let clique = context.clique_of(votes, missed);
     let is_in = |state: &Arc<ModuleState>| clique.binary_search(&state.module).is_ok();
     frozen.into_iter().filter(is_in).collect()
+}
+
+/// Whether all who can be in motion are members, frozen: each of them is idle, or can have shown no plan within the lease but the last one
+/// of this module, whose members are all here.
+/// Enforces A2.
+fn follows_last_plan(
+    members: &[RosterMember],
+    frozen: &[Arc<ModuleState>],
+    context: &Context,
+) -> bool {
+    let shown = &context.session.shown;
+    let last = shown.frozen.last_plan;
+    let mut others = frozen.iter();
+    last.is_some()
+        && shown.are_over_in(members)
+        && others.all(|state| state.is_idle || state.last_plan == last)
 }
 
 fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {

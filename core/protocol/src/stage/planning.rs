@@ -228,6 +228,9 @@ impl Planning {
         }
         report_motion(planned.motion().planned(), epoch, context);
         context.session.note_shown(&self.roster);
+        let until = context.now + context.idle_age();
+        let shown = &mut context.session.shown;
+        shown.note(digest, &self.roster, until);
         context.mark_state_changed();
         let own = context.module();
         let mut held = HeldPlan::new(own, self.roster, planned, roster_plan, digest, turns);

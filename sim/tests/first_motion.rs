@@ -1,0 +1,83 @@
+//! Nobody waits for a lease after a plan whose members are all there again.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+use std::time::Duration;
+
+use formation_generate::Grouping;
+use formation_model::ModuleId;
+use formation_protocol::{AgentParameters, Event};
+use formation_sim::{ClusterParameters, Stores};
+
+use crate::support::{Trial, drawn, newest_epoch};
+
+const FIRST: ModuleId = ModuleId(1);
+const LAST: ModuleId = ModuleId(6);
+
+fn waits_for_lease(event: &Event) -> bool {
+    matches!(event, Event::WaitingForLease(_))
+}
+
+/// Six modules on their way by the first plan of a session, for which nobody waited.
+fn on_the_way() -> Trial {
+    let parameters = ClusterParameters {
+        stores: Stores::All,
+        speed_units_per_s: 0.2,
+        ..ClusterParameters::default()
+    };
+    let mut trial = Trial::with(&drawn(6, 6, Grouping::Singletons, 2), parameters, 2);
+    trial.until(|cluster| cluster.is_moving(LAST));
+    trial.run_for(AgentParameters::default().lease * 2);
+    assert_eq!(trial.count(waits_for_lease), 0);
+    trial
+}
+
+/// Runs until all modules have formed in a later epoch; returns how often modules waited for a lease.
+fn waits_until_formed(mut trial: Trial) -> usize {
+    trial.until_formed_again();
+    trial.count(waits_for_lease)
+}
+
+/// Shows A2.
+#[test]
+fn a_target_that_is_replaced_on_the_way_costs_no_lease() {
+    let mut trial = on_the_way();
+    let other = drawn(6, 6, Grouping::Singletons, 3);
+    trial.cluster.announce_problem(&other, 2);
+    assert_eq!(waits_until_formed(trial), 0);
+}
+
+/// Its process knows what the former run showed, and its drive stands.
+/// Shows A2.
+#[test]
+fn a_process_that_begins_a_new_run_costs_no_lease() {
+    let mut trial = on_the_way();
+    trial
+        .cluster
+        .suspend(LAST, AgentParameters::default().lease * 3 / 2);
+    assert_eq!(waits_until_formed(trial), 0);
+}
+
+/// A process that restarts knows of no plan.
+#[test]
+fn a_process_that_restarts_costs_a_lease() {
+    let mut trial = on_the_way();
+    trial.cluster.leave(LAST);
+    trial.run_for(Duration::from_millis(500));
+    trial.cluster.restart(LAST);
+    assert!(waits_until_formed(trial) > 0);
+}
+
+/// Whoever is left out may move by the last plan, and is waited for.
+#[test]
+fn a_module_that_is_cut_off_costs_a_lease() {
+    let mut trial = on_the_way();
+    trial.cluster.cut(&[LAST].into());
+    let before = trial.newest_epoch();
+    trial.until(|cluster| cluster.is_moving(FIRST) && newest_epoch(cluster) > before);
+    assert!(trial.count(waits_for_lease) > 0);
+}
