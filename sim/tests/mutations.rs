@@ -6,16 +6,17 @@
 
 use std::collections::BTreeSet;
 
-use crate::support::{Trial, scenario};
+use crate::support::{Trial, drawn, newest_epoch, scenario};
+use formation_generate::Grouping;
 use formation_model::ModuleId;
-use formation_protocol::{Agent, AgentParameters, Mutation};
+use formation_protocol::{Agent, AgentParameters, Event, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, ClusterParameters, FaultKind, SeedReport, ViolationKind,
     run_seed,
 };
 
 /// Each bug, a seed that finds it, and the violation.
-const FOUND: [(Mutation, u64, ViolationKind); 13] = [
+const FOUND: [(Mutation, u64, ViolationKind); 12] = [
     (Mutation::AcceptStaleEpoch, 4, ViolationKind::EpochWentBack),
     (
         Mutation::SkipDigestBarrier,
@@ -23,7 +24,6 @@ const FOUND: [(Mutation, u64, ViolationKind); 13] = [
         ViolationKind::MotionWithoutAgreement,
     ),
     (Mutation::SkipLeaseWait, 1, ViolationKind::MotionBeforeLease),
-    (Mutation::FollowAnyPlan, 1, ViolationKind::MotionBeforeLease),
     (
         Mutation::DropIncarnationCheck,
         62,
@@ -82,6 +82,29 @@ fn a_module_that_ignores_a_lapse_moves_on() {
         trial.cluster.cut(&[mover].into());
         trial.run_for(AgentParameters::default().lease * 3 / 2);
         assert_eq!(trial.cluster.is_moving(mover), moves, "{mutation:?}");
+    }
+}
+
+/// It may hear the others, whom all votes are with, and move by their last plan.
+/// Shows A2.
+#[test]
+fn a_module_without_a_vote_that_is_left_out_is_waited_for() {
+    let problem = drawn(4, 4, Grouping::Singletons, 2);
+    let left_out = ModuleId(4);
+    for (mutation, waits) in [(Some(Mutation::FollowAnyPlan), false), (None, true)] {
+        let slow = ClusterParameters {
+            speed_units_per_s: 0.1,
+            ..ClusterParameters::default()
+        };
+        let mut trial = Trial::of_agents(&problem, slow, 3, agents(mutation));
+        let mut announcement = trial.cluster.announcement().unwrap().as_ref().clone();
+        announcement.voters.retain(|&module| module != left_out);
+        trial.cluster.announce(announcement);
+        trial.until(|cluster| cluster.is_moving(left_out));
+        trial.cluster.cut(&[left_out].into());
+        trial.until(|cluster| newest_epoch(cluster) > 1 && cluster.is_moving(ModuleId(1)));
+        let waited = trial.count(|event| matches!(event, Event::WaitingForLease(_)));
+        assert_eq!(waited > 0, waits, "{mutation:?}");
     }
 }
 

@@ -17,6 +17,7 @@ fn a_majority_that_joins_the_graph_again_still_counts_without_a_file() {
     let left = hosts.remove(0);
     let mut modules = left.modules();
     for (identity, _) in &mut modules {
+        assert!(identity.last_plan.is_some(), "{identity:?}");
         identity.incarnation.0 += 5;
     }
     let (parameters, motion) = (AgentParameters::default(), Motion::default());
