@@ -2,9 +2,8 @@
 //!
 //! Heartbeats tell how long their senders have run. If those of one module suddenly come earlier than its clock and this one allow,
 //! either its messages were late before, or this clock stood still; in both cases this process took old heartbeats for new ones, and
-//! it halts. If those of at least half of the others do, its clock stood still; also if those of one do that was heard for long and by more
-//! than `lease`, or of any by more than `suspicion`: most of the others may stand on the same machine. To the others each of its
-//! heartbeats is as old as that lasted, and none of them judges it by another offset, because a clock that stood still and a queue look
+//! it halts. If those of at least half of the others do, its clock stood still; also if those of any do by more than `lease`: most of the
+//! others may stand on the same machine. To the others each of its heartbeats is as old as that lasted, and none of them judges it by another offset, because a clock that stood still and a queue look
 //! the same to them. So it begins a new run.
 
 use std::time::Duration;
@@ -22,21 +21,10 @@ use super::peer::Peer;
 /// For how many periods of heartbeats a process compares its clock with those of others.
 const PERIODS: u32 = 2;
 
-/// A module that was heard for as many times `suspicion` was not late by more than a lease all that time.
-const SUSPICIONS_KNOWN: u32 = 2;
-
-/// How much earlier than before the heartbeats of a module came.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Gain {
-    by: Duration,
-    /// Whether they had been heard for long.
-    is_of_known: bool,
-}
-
 impl Context {
     /// How much earlier than before the heartbeats of modules of other processes come since a time, the least first; of those that were
     /// heard for long enough to show the greatest of these gains.
-    fn gains_since(&self, since: Duration) -> Vec<Gain> {
+    fn gains_since(&self, since: Duration) -> Vec<Duration> {
         let own = self.own.source;
         let is_other = |peer: &&Peer| own.is_none() || peer.source != own;
         let clocks = || self.peers.all().filter(is_other).flat_map(Peer::clocks);
@@ -44,12 +32,8 @@ impl Context {
         let greatest = greatest.unwrap_or_default();
         let period = self.parameters.heartbeat;
         let compared = clocks().filter(|clock| clock.is_compared_at(since, greatest, period));
-        let long = self.parameters.suspicion * SUSPICIONS_KNOWN;
-        let gains = compared.map(|clock| Gain {
-            by: clock.gain_since(since),
-            is_of_known: clock.is_heard_for(long, since),
-        });
-        let mut gains: Vec<Gain> = gains.collect();
+        let gains = compared.map(|clock| clock.gain_since(since));
+        let mut gains: Vec<Duration> = gains.collect();
         gains.sort_unstable();
         gains
     }
@@ -90,19 +74,13 @@ impl Agent {
         self.context.clock_doubt = None;
         let mut gains = self.context.gains_since(since);
         let compared = gains.len();
-        gains.retain(|gain| gain.by > limit);
+        gains.retain(|&gain| gain > limit);
         // The others may have been suspended on the same machine. A link that was slower than this would have kept its module out.
-        let AgentParameters {
-            lease, suspicion, ..
-        } = self.context.parameters;
-        let is_long = |gain: &Gain| gain.by > if gain.is_of_known { lease } else { suspicion };
-        let longest = gains.iter().rfind(|gain| is_long(gain));
+        let lease = self.context.parameters.lease;
+        let longest = gains.last().filter(|&&gain| gain > lease);
         let is_half = gains.len() * 2 >= compared.max(1);
         let median = gains.get(gains.len() / 2).filter(|_| is_half);
-        if let Some(&Gain {
-            by: stood_still, ..
-        }) = longest.or(median)
-        {
+        if let Some(&stood_still) = longest.or(median) {
             self.context.emit(Event::ClockStoodStill(stood_still));
             self.context.outbox.push(Output::BeginRun { stood_still });
         }

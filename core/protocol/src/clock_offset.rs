@@ -99,12 +99,7 @@ impl ClockOffset {
 
     /// Whether heartbeats had come for a while before a time: the first ones may come late together, from a queue.
     fn is_known_at(&self, time: Duration, period: Duration) -> bool {
-        self.is_heard_for(period * PERIODS_KNOWN, time)
-    }
-
-    /// Whether heartbeats had come for so long before a time.
-    pub fn is_heard_for(&self, span: Duration, time: Duration) -> bool {
-        self.first_heard_at + span <= time
+        self.first_heard_at + period * PERIODS_KNOWN <= time
     }
 
     /// Whether a gain of so many microseconds at a time could be told from a queue of first heartbeats.
