@@ -34,7 +34,7 @@ use super::peers::{Liveness, Peers};
 use super::plans::{ComputedPlan, PlanJob};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
-use super::robot::Robot;
+use super::robot::{Robot, SettledOn};
 use super::session::{Session, shortfall_of};
 use super::shown_plans::{Frozen, ShownPlans};
 
@@ -305,7 +305,7 @@ impl Context {
     pub fn pin_for(&self, target: impl FnOnce() -> Digest) -> Option<SpotId> {
         let settled = self.robot.settled_on?;
         let is_of_target = settled.target == target();
-        let stays = !self.is_off_spot(settled.spot) || !self.robot.is_localised;
+        let stays = !self.is_off_spot(settled) || !self.robot.is_localised;
         (is_of_target && stays).then_some(settled.spot)
     }
 
@@ -315,15 +315,19 @@ impl Context {
     }
 
     /// Whether the module is measured off a spot of the known target.
-    fn is_off_spot(&self, spot: SpotId) -> bool {
-        let announcement = self.target.announcement();
-        let target = announcement.and_then(|announcement| announcement.target.as_ref());
-        let place = target.and_then(|target| target.spot(spot));
-        place.is_some_and(|place| {
+    fn is_off_spot(&self, settled: SettledOn) -> bool {
+        let Some(announcement) = self.target.announcement() else {
+            return false;
+        };
+        let target = announcement.target.as_ref();
+        let place = target.and_then(|target| target.spot(settled.spot));
+        let is_off = place.is_some_and(|place| {
             let limit = self.spot_limit();
             let pose = &self.robot.pose;
             pose.distance_to(&place.pose) > limit || pose.heading_difference(&place.pose) > limit
-        })
+        });
+        // In another target a spot of this number is another place.
+        is_off && digest::of_target(announcement) == settled.target
     }
 
     /// This module as it announced itself when it froze for a plan for the target with this digest.

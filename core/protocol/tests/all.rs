@@ -8,6 +8,7 @@
 )]
 
 mod duplicate_module;
+mod pins;
 mod removals;
 mod replica;
 mod stuck;
