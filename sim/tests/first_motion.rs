@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use formation_generate::Grouping;
-use formation_model::ModuleId;
+use formation_model::{ModuleId, TargetAnnouncement};
 use formation_protocol::{AgentParameters, Event};
 use formation_sim::{ClusterParameters, Stores};
 
@@ -80,4 +80,31 @@ fn a_module_that_is_cut_off_costs_a_lease() {
     let before = trial.newest_epoch();
     trial.until(|cluster| cluster.is_moving(FIRST) && newest_epoch(cluster) > before);
     assert!(trial.count(waits_for_lease) > 0);
+}
+
+/// Its new run has shown nothing and is old, but knows the last plan, which a member of it that is gone may carry out.
+#[test]
+fn a_convener_that_is_idle_judges_its_last_plan_as_well() {
+    let mut trial = Trial::new(&drawn(3, 3, Grouping::Singletons, 2), 2);
+    trial.until_formed_again();
+    trial.run_for(Duration::from_secs(5));
+    let withdrawn = TargetAnnouncement {
+        revision: 2,
+        target: None,
+        ..trial.cluster.announcement().unwrap().as_ref().clone()
+    };
+    trial.cluster.announce(withdrawn);
+    trial.run_for(Duration::from_secs(5));
+    trial.cluster.suspend(FIRST, Duration::from_secs(4));
+    trial.run_for(Duration::from_secs(20));
+    trial.cluster.crash(ModuleId(3));
+    trial.run_for(Duration::from_secs(10));
+    let other = drawn(3, 3, Grouping::Singletons, 3);
+    trial.cluster.announce_problem(&other, 3);
+    let announced = trial.cluster.now();
+    trial.until(|cluster| cluster.is_moving(FIRST) || cluster.is_moving(ModuleId(2)));
+    let took = trial.cluster.now() - announced;
+    assert!(took < Duration::from_secs(60), "{took:?}");
+    let stood_still = |event: &Event| matches!(event, Event::ClockStoodStill(_));
+    assert_eq!(trial.count(stood_still), 1);
 }

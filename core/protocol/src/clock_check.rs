@@ -75,7 +75,7 @@ impl Agent {
         let mut gains = self.context.gains_since(since);
         let compared = gains.len();
         gains.retain(|&gain| gain > limit);
-        // The others may have been suspended on the same machine. A link that was slower than this would have kept its module out.
+        // The others may have been suspended on the same machine. A link that was so late before seldom becomes fast at once.
         let lease = self.context.parameters.lease;
         let longest = gains.last().filter(|&&gain| gain > lease);
         let is_half = gains.len() * 2 >= compared.max(1);

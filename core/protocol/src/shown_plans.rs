@@ -7,7 +7,7 @@ use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{ClosedRoster, Digest, RosterMember};
+use formation_model::{ClosedRoster, Digest, ModuleId, RosterMember};
 
 /// A plan whose digest a run of a module has shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,10 +24,18 @@ impl Hash for ShownPlan {
 }
 
 impl ShownPlan {
-    /// Whether all who may move by it are among these members.
-    fn is_within(&self, members: &[RosterMember]) -> bool {
-        let mut own = self.roster.members.iter().map(|member| member.module.id);
-        own.all(|module| RosterMember::find(members, module).is_some())
+    /// Whether all who may move by it are among these members: each by the run that it had, or by one that has taken its place.
+    pub fn is_within(
+        &self,
+        members: &[RosterMember],
+        has_succeeded: impl Fn(ModuleId) -> bool,
+    ) -> bool {
+        self.roster.members.iter().all(|former| {
+            let module = former.module.id;
+            RosterMember::find(members, module).is_some_and(|member| {
+                member.incarnation == former.incarnation || has_succeeded(module)
+            })
+        })
     }
 }
 
@@ -77,7 +85,7 @@ impl ShownPlans {
         };
         self.has_shown = true;
         let former = self.last.replace(shown);
-        if former.is_some_and(|former| !former.is_within(&roster.members)) {
+        if former.is_some_and(|former| !former.is_within(&roster.members, |_| false)) {
             self.others_until = until;
         }
     }
@@ -87,13 +95,18 @@ impl ShownPlans {
         self.last.as_ref().filter(|_| now >= self.others_until)
     }
 
-    /// Whether nobody outside these members can be in motion by a plan that runs of this module showed before it froze.
+    /// The plan that the module named when it froze last.
+    pub fn frozen_with(&self) -> Option<&ShownPlan> {
+        let last = self.last.as_ref();
+        last.filter(|last| self.frozen.last_plan == Some(last.digest))
+    }
+
+    /// Whether the module can agree that nobody outside these members is in motion by a plan that runs of it showed before it froze. The
+    /// convener, which has the states of all, compares runs as well.
     /// Enforces A2.
     pub fn are_over_in(&self, members: &[RosterMember]) -> bool {
-        let frozen = &self.frozen;
-        let last = self.last.as_ref();
-        let last = last.filter(|last| frozen.last_plan == Some(last.digest));
-        frozen.is_idle || last.is_some_and(|last| last.is_within(members))
+        let last = self.frozen_with();
+        self.frozen.is_idle || last.is_some_and(|last| last.is_within(members, |_| true))
     }
 }
 

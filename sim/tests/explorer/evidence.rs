@@ -169,10 +169,13 @@ impl World {
             let others = evidence.rosters.get(&other.0);
             others.is_some_and(|others| others.iter().all(|other| members.contains(other)))
         };
-        let follows = members.iter().all(|member| {
-            let mut plans = evidence.shown.iter();
-            plans.any(|(other, by)| *other != plan && by.contains_key(member) && is_over(other))
-        });
+        let by_members = |by: &BTreeMap<_, _>| members.iter().any(|member| by.contains_key(member));
+        let mut before = evidence.shown.iter();
+        let before: Vec<_> = before
+            .by_ref()
+            .filter(|&(other, by)| *other != plan && by_members(by))
+            .collect();
+        let follows = !before.is_empty() && before.iter().all(|(other, _)| is_over(other));
         if evidence.begun.insert(plan) && now < last + lease && !follows {
             self.violation = Some(format!("{module} sets off before the lease has passed"));
         }

@@ -415,19 +415,23 @@ fn receiving_each_other(
 }
 
 /// Whether all who can be in motion are members, frozen: each of them is idle, or can have shown no plan within the lease but the last one
-/// of this module, whose members are all here.
+/// of this module, whose members are all here. A run that is not in that plan counts for the one that is if it knows of the plan, as
+/// the next run of a process does; another process might not be the only one.
 /// Enforces A2.
 fn follows_last_plan(
     members: &[RosterMember],
     frozen: &[Arc<ModuleState>],
     context: &Context,
 ) -> bool {
-    let shown = &context.session.shown;
-    let last = shown.frozen.last_plan;
-    let mut others = frozen.iter();
-    last.is_some()
-        && shown.are_over_in(members)
-        && others.all(|state| state.is_idle || state.last_plan == last)
+    let Some(last) = context.session.shown.frozen_with() else {
+        return false;
+    };
+    let digest = Some(Digest::from(last));
+    let showed = frozen.iter().filter(|state| state.last_plan == digest);
+    let mut showed: BTreeSet<ModuleId> = showed.map(|state| state.module).collect();
+    showed.insert(context.module());
+    let is_known = |state: &Arc<ModuleState>| state.is_idle || showed.contains(&state.module);
+    last.is_within(members, |module| showed.contains(&module)) && frozen.iter().all(is_known)
 }
 
 fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {

@@ -3,7 +3,7 @@
 //! Whoever the roster left out may move by an earlier plan until the lease of the last heartbeat that shows that plan has passed. Each
 //! roster holds a majority of the voters, so one of them is in this one and showed that plan; it has frozen before this roster was
 //! closed. A lease later, and what clocks and delays may add to that, nobody moves by the earlier plan any more. That wait is left out
-//! where all voters are members and none of them can have shown a plan within the lease.
+//! where all voters are members, and they can have shown no plan within the lease but one whose members have all frozen.
 
 use std::time::Duration;
 
