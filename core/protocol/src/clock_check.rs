@@ -3,8 +3,8 @@
 //! Heartbeats tell how long their senders have run. If those of one module suddenly come earlier than its clock and this one allow,
 //! either its messages were late before, or this clock stood still; in both cases this process took old heartbeats for new ones, and
 //! it halts. If those of at least half of the others do, its clock stood still; also if those of any do by more than `lease`: most of the
-//! others may stand on the same machine. To the others each of its heartbeats is as old as that lasted, and none of them judges it by another offset, because a clock that stood still and a queue look
-//! the same to them. So it begins a new run.
+//! others may stand on the same machine. To the others each of its heartbeats is as old as that lasted, and none of them judges it by
+//! another offset, because a clock that stood still and a queue look the same to them. So it begins a new run.
 
 use std::time::Duration;
 

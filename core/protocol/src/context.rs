@@ -36,7 +36,7 @@ use super::quorum::Shortfall;
 use super::refusal::Refusal;
 use super::robot::{Robot, SettledOn};
 use super::session::{Session, shortfall_of};
-use super::shown_plans::{Frozen, ShownPlans};
+use super::shown_plans::{Frozen, ShownPlan, ShownPlans};
 
 /// Within what distance of a goal a drive has arrived if nothing else is said.
 const POSITION_TOLERANCE: MicroUnits = MicroUnits(20_000);
@@ -62,10 +62,6 @@ pub(super) struct Own {
     pub shares_samples: bool,
     /// When this run started.
     pub started: Duration,
-}
-
-fn idle_age(parameters: &AgentParameters) -> Duration {
-    parameters.lease + parameters.heartbeat
 }
 
 /// What every stage reads and changes.
@@ -97,7 +93,7 @@ impl Context {
     pub fn new(identity: Identity, parameters: AgentParameters, now: Duration) -> Self {
         let mut shown = ShownPlans::after(identity.last_plan.clone());
         if !identity.is_first_run {
-            shown.forget_until(now + idle_age(&parameters));
+            shown.forget_until(now + parameters.idle_age());
         }
         Self {
             now,
@@ -220,12 +216,6 @@ impl Context {
         live
     }
 
-    /// How old a run must be so that what its former run showed counts for nobody any more, and how long after all members of a roster
-    /// froze nobody can be in motion by another one: a lease, and what clocks and delays may add to that.
-    pub fn idle_age(&self) -> Duration {
-        idle_age(&self.parameters)
-    }
-
     /// Whether this run of this module has listened for `suspicion`.
     pub fn has_listened(&self) -> bool {
         self.now >= self.own.started + self.parameters.suspicion
@@ -234,12 +224,12 @@ impl Context {
     /// This module freezes: which plans can runs of it have shown within the lease?
     /// Enforces A2.
     pub fn freeze(&mut self) {
-        let is_old = self.now >= self.own.started + self.idle_age();
+        let is_old = self.now >= self.own.started + self.parameters.idle_age();
         let shown = &mut self.session.shown;
         let is_idle = !shown.has_shown && (self.session.is_first_run || is_old);
         shown.frozen = Frozen {
             is_idle,
-            last_plan: shown.only_plan(self.now).map(Digest::from),
+            last_plan: shown.only_plan(self.now).map(ShownPlan::digest),
         };
     }
 

@@ -86,6 +86,12 @@ impl AgentParameters {
         }
     }
 
+    /// How old a run must be so that what its former run showed counts for nobody any more, and how long after all members of a roster
+    /// froze nobody can be in motion by another one: a lease, and what clocks and delays may add to that.
+    pub(super) fn idle_age(&self) -> Duration {
+        self.lease + self.heartbeat
+    }
+
     /// Checks that the limits are in the order on which the safety of the protocol depends.
     ///
     /// # Errors

@@ -24,8 +24,12 @@ impl Hash for ShownPlan {
 }
 
 impl ShownPlan {
+    pub(super) fn digest(&self) -> Digest {
+        self.digest
+    }
+
     /// Whether all who may move by it are among these members: each by the run that it had, or by one that has taken its place.
-    pub fn is_within(
+    pub(super) fn is_within(
         &self,
         members: &[RosterMember],
         has_succeeded: impl Fn(ModuleId) -> bool,
@@ -107,11 +111,5 @@ impl ShownPlans {
     pub fn are_over_in(&self, members: &[RosterMember]) -> bool {
         let last = self.frozen_with();
         self.frozen.is_idle || last.is_some_and(|last| last.is_within(members, |_| true))
-    }
-}
-
-impl From<&ShownPlan> for Digest {
-    fn from(plan: &ShownPlan) -> Self {
-        plan.digest
     }
 }

@@ -22,7 +22,7 @@ impl Agent {
             return self;
         };
         let context = &mut self.context;
-        let idle_from = context.own.started + context.idle_age();
+        let idle_from = context.own.started + context.parameters.idle_age();
         let session = &mut context.session;
         for epoch in [stored.entered, stored.highest].into_iter().flatten() {
             session.note_epoch(epoch);

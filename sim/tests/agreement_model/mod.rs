@@ -9,7 +9,9 @@
 //! 2. By A1 the last motion by a roster ends a lease after a shared voter last showed it, and by A2 the first motion by the next one begins
 //!    a lease and its margins later. No memory is needed for that.
 //! 3. The wait is left out if the roster holds all voters, each of their runs is older than the wait and has shown no plan before, and no
-//!    removal that the roster counts became known more recently.
+//!    removal that the roster counts became known more recently. It is left out as well if no removal counts and the voters can have
+//!    shown no plan within the wait but one and the same, whose members are all members again. Only voters are asked here, where the
+//!    protocol asks all members: that admits more.
 //! 4. The convener calls the largest set of modules that receive each other. It is not modelled: any set may form.
 //! 5. Where robots stand must be known: a voter knows if its file says so, or if it has been in a roster in force in this run. A majority
 //!    counts those that know; a roster of all voters needs none.

@@ -426,7 +426,7 @@ fn follows_last_plan(
     let Some(last) = context.session.shown.frozen_with() else {
         return false;
     };
-    let digest = Some(Digest::from(last));
+    let digest = Some(last.digest());
     let showed = frozen.iter().filter(|state| state.last_plan == digest);
     let mut showed: BTreeSet<ModuleId> = showed.map(|state| state.module).collect();
     showed.insert(context.module());

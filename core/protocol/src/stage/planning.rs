@@ -228,7 +228,7 @@ impl Planning {
         }
         report_motion(planned.motion().planned(), epoch, context);
         context.session.note_shown(&self.roster);
-        let until = context.now + context.idle_age();
+        let until = context.now + context.parameters.idle_age();
         let shown = &mut context.session.shown;
         shown.note(digest, &self.roster, until);
         context.mark_state_changed();

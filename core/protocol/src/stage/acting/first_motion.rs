@@ -33,7 +33,7 @@ impl HeldPlan {
         if are_idle {
             self.closed_at
         } else {
-            self.closed_at + context.idle_age()
+            self.closed_at + context.parameters.idle_age()
         }
     }
 }
