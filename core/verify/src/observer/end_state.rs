@@ -234,14 +234,13 @@ impl<'a> EndState<'a> {
 
     /// The silent modules whose bodies need not stand where they were last seen.
     fn gone(&self, now: Duration, silence: Duration) -> BTreeSet<ModuleId> {
-        let is_silent =
-            |last: Option<Duration>| last.is_none_or(|last| now.saturating_sub(last) > silence);
         let bodies = self.modules.values().filter_map(ModuleRecord::body);
-        let gone = bodies.filter(|&(state, last)| is_silent(last) && self.is_elsewhere(state));
+        let gone = bodies
+            .filter(|&(state, last)| is_silent(last, now, silence) && self.is_elsewhere(state));
         gone.map(|(state, _)| state.module).collect()
     }
 
-    /// The modules whose heartbeats have ended, and of which the roster does not say that their bodies stand where they were last seen:
+    /// The modules whose heartbeats have ended, or never came, and of which the roster does not say that their bodies stand where they were last seen:
     /// later plans may have let them move on.
     pub(super) fn out_of_sight(&self, now: Duration, silence: Duration) -> BTreeSet<ModuleId> {
         let listed = &self.planned.roster.roster.bodies;
@@ -249,10 +248,9 @@ impl<'a> EndState<'a> {
             let body = listed.iter().find(|body| body.module == state.module);
             body.is_some_and(|body| *body.whereabouts.poses() == [state.pose])
         };
-        let has_ended =
-            |last: Option<Duration>| last.is_some_and(|last| now.saturating_sub(last) > silence);
         let bodies = self.modules.values().filter_map(ModuleRecord::body);
-        let unseen = bodies.filter(|&(state, last)| has_ended(last) && !is_listed(state));
+        let unseen =
+            bodies.filter(|&(state, last)| is_silent(last, now, silence) && !is_listed(state));
         unseen.map(|(state, _)| state.module).collect()
     }
 
@@ -313,4 +311,9 @@ impl<'a> EndState<'a> {
             }
         }
     }
+}
+
+/// Whether the last heartbeat is older than `silence`, or none came.
+fn is_silent(last: Option<Duration>, now: Duration, silence: Duration) -> bool {
+    last.is_none_or(|last| now.saturating_sub(last) > silence)
 }

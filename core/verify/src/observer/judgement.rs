@@ -44,23 +44,33 @@ impl Observer {
     /// The verdict at this time; if the time is up, whatever is missing.
     pub(super) fn judge_at(&mut self, now: Duration, is_late: bool) -> Option<Verdict> {
         let missing = self.missing(now);
-        if missing.is_empty() || is_late && !self.is_reviewed {
-            self.settle_bodies(now, Duration::ZERO);
-        } else if is_late {
-            self.settle_bodies(now, self.parameters.silence);
-        }
+        let is_last = is_late && !self.is_reviewed;
+        let patience = match missing.is_empty() {
+            _ if is_last => Some(Duration::ZERO),
+            true => Some(self.parameters.grace),
+            false => is_late.then_some(self.parameters.silence),
+        };
+        let settles_at = patience.and_then(|patience| self.settle_bodies(now, patience));
         if !missing.is_empty() {
             (self.reached_since, self.breached_since) = (None, None);
             return is_late.then(|| self.report(now, missing, None));
         }
         let since = *self.reached_since.get_or_insert(now);
+        self.settles_at = settles_at;
+        if settles_at.is_some() {
+            // Modules may have run into each other, unless a state shows otherwise that is on its way.
+            return None;
+        }
         let mut verdict = self.report(now, missing, Some(since));
         if verdict.violations.is_empty() {
             self.breached_since = None;
         } else {
-            // What was whole may have been pushed apart: that is no breach if the modules mend it.
-            let since = *self.breached_since.get_or_insert(now);
-            let is_final = is_late && !self.is_reviewed || now >= self.final_from(since);
+            // What was whole may have been pushed apart: that is no breach if the modules mend it, and that has to be heard.
+            let since = match self.hears_members(now) {
+                true => *self.breached_since.get_or_insert(now),
+                false => *self.breached_since.insert(now),
+            };
+            let is_final = is_last || now >= self.final_from(since);
             return is_final.then_some(verdict);
         }
         let is_final = is_late || now >= since.saturating_add(self.parameters.grace);
@@ -78,13 +88,14 @@ impl Observer {
         (is_final || !is_short).then_some(verdict)
     }
 
-    /// Judges what met modules that stood where they were last seen, if no other state of them has come within `patience`.
-    pub(super) fn settle_bodies(&mut self, now: Duration, patience: Duration) {
+    /// Judges what met modules that stood where they were last seen, if no other state of them has come within `patience`. Returns until
+    /// when one is waited for, if any is.
+    pub(super) fn settle_bodies(&mut self, now: Duration, patience: Duration) -> Option<Duration> {
         let newest = self.received.newest();
         let out_of_sight = newest.map_or_else(BTreeSet::new, |planned| {
             EndState::new(&self.received, planned).out_of_sight(now, self.parameters.silence)
         });
-        self.received.bodies.settle(now, patience, &out_of_sight);
+        self.received.bodies.settle(now, patience, &out_of_sight)
     }
 
     /// Whether the members of the newest roster are to stand still, by the latest command that any of them shows.
@@ -131,7 +142,16 @@ impl Observer {
     /// The members whose last heartbeat is too old.
     /// Enforces V2.
     fn silent(&self, now: Duration, planned: PlannedEpoch<'_>) -> impl Iterator<Item = Missing> {
-        let silence = self.parameters.silence;
+        self.silent_for(self.parameters.silence, now, planned)
+    }
+
+    /// The members whose last heartbeat is older than this.
+    fn silent_for(
+        &self,
+        silence: Duration,
+        now: Duration,
+        planned: PlannedEpoch<'_>,
+    ) -> impl Iterator<Item = Missing> {
         planned.members().iter().filter_map(move |member| {
             let module = member.module.id;
             let record = self.received.modules.get(&module)?;
@@ -144,6 +164,16 @@ impl Observer {
     pub(super) fn has_silent_member(&self, now: Duration) -> bool {
         let planned = self.received.current();
         planned.is_some_and(|planned| self.silent(now, planned).next().is_some())
+    }
+
+    /// Whether all members of the plan in force were heard within half of the silence that is granted to them. One that is stopped for
+    /// longer, and is then cut off, may have had no time to say what it does.
+    fn hears_members(&self, now: Duration) -> bool {
+        let planned = self.received.current();
+        planned.is_none_or(|planned| {
+            let silence = self.parameters.silence / 2;
+            self.silent_for(silence, now, planned).next().is_none()
+        })
     }
 
     fn missing_roster(&self) -> Vec<Missing> {

@@ -20,6 +20,8 @@ pub struct Observer {
     pub(super) received: Received,
     /// Since when the end state has been reached without a break.
     pub(super) reached_since: Option<Duration>,
+    /// Until when states are waited for that may show that modules did not run into each other.
+    pub(super) settles_at: Option<Duration>,
     /// Since when violations were found in it, without a break.
     pub(super) breached_since: Option<Duration>,
     /// Since when an end state that was judged is no longer reached.
@@ -48,6 +50,7 @@ impl Observer {
             received: Received::new(&parameters),
             parameters,
             reached_since: None,
+            settles_at: None,
             breached_since: None,
             broken_since: None,
             limit_from: Duration::ZERO,
@@ -75,9 +78,10 @@ impl Observer {
             return None;
         }
         let limit = self.time_limit();
-        let due = |since: Duration| match self.breached_since {
-            Some(since) => self.final_from(since),
-            None => since.saturating_add(self.parameters.grace),
+        let due = |since: Duration| match (self.settles_at, self.breached_since) {
+            (Some(settles_at), _) => settles_at,
+            (None, Some(since)) => self.final_from(since),
+            (None, None) => since.saturating_add(self.parameters.grace),
         };
         Some(
             self.reached_since

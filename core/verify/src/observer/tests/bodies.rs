@@ -164,7 +164,7 @@ fn a_module_that_is_not_seen_to_leave_may_have_left_while_it_is_out_of_sight() {
     let leaving = [(2, 500, 20, 10, Moving, 0), (2, 1_000, 20, 20, Standing, 1)];
     let early = on_paths(&passing);
     let all = on_paths(&[&passing[..], &leaving].concat());
-    let found_after = |further: &[Message], lives: bool| {
+    let found_in = |early: &Sequence, further: &[Message], lives: bool| {
         let is_of_two = |violation: &&Violation| violation.to_string().contains("overlap by");
         let mut observer = observe(&early.messages(), ObserverParameters::default());
         let limit = observer.poll_timeout().unwrap();
@@ -187,6 +187,7 @@ fn a_module_that_is_not_seen_to_leave_may_have_left_while_it_is_out_of_sight() {
         let violations = &observer.verdict(now).unwrap().violations;
         violations.iter().filter(is_of_two).count()
     };
+    let found_after = |further: &[Message], lives: bool| found_in(&early, further, lives);
     let roster_with = |whereabouts: Whereabouts| {
         let mut roster = all.roster();
         roster.epoch.number += 1;
@@ -211,6 +212,11 @@ fn a_module_that_is_not_seen_to_leave_may_have_left_while_it_is_out_of_sight() {
     assert_eq!(found_after(&roster_with(way), false), 0);
     let halted = Whereabouts::Halted(pose(2, 1));
     assert_eq!(found_after(&roster_with(halted), false), 1);
+    // To a verifier that came late its last state came, and no heartbeat.
+    let mut unheard = on_paths(&passing);
+    unheard.heartbeats.retain(|one| one.module != ModuleId(2));
+    assert_eq!(found_in(&unheard, &[], false), 0);
+    assert_eq!(found_in(&unheard, &[], true), 1);
 }
 
 /// Its drive halted by itself, nobody knows where.
@@ -263,6 +269,7 @@ fn a_module_whose_later_run_has_a_lower_number_is_not_run_into_where_the_former_
     let broken = |later: &[Moment], further: &[Message]| {
         let mut messages = on_paths(&[]).messages();
         messages.push(of_former(1));
+        messages.push(Message::Heartbeat(Heartbeat::first(former)));
         let states = on_paths(&[later, &passing].concat()).states;
         messages.extend(
             states

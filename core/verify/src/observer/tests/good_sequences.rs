@@ -93,7 +93,7 @@ fn no_verdict_comes_before_the_last_message() {
     }
 }
 
-/// Shows X6.
+/// Shows X5.
 #[test]
 fn states_that_were_missed_are_not_held_against_the_modules() {
     let mut sequence = good_sequence();

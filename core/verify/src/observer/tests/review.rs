@@ -58,6 +58,90 @@ fn the_end_of_the_time_names_who_is_silent() {
     );
 }
 
+/// Module 4 is stopped before it follows a link, goes on, and is cut off with the others at once.
+#[test]
+fn members_that_are_not_heard_may_be_mending_what_is_broken() {
+    let mut sequence = good_sequence();
+    sequence.state(4, 3).links.clear();
+    for stays_in_reach in [false, true] {
+        let mut observer = observe(&sequence.messages(), ObserverParameters::default());
+        for now in 1..=4 {
+            beat(&mut observer, at(now), [1, 2, 3, 5]);
+            assert_eq!(outcome(observer.review(at(now))), None);
+        }
+        for now in 5..=12 {
+            if now == 5 || stays_in_reach {
+                beat(&mut observer, at(now), 1..=5);
+            }
+            let is_reported = stays_in_reach && now == 10;
+            let failed = is_reported.then_some(Outcome::Failed);
+            assert_eq!(outcome(observer.review(at(now))), failed, "{now} s");
+        }
+    }
+}
+
+/// The states with which the spare makes way for module 3 are late, and nothing else is missing.
+#[test]
+fn who_seems_to_stand_in_the_way_may_have_left_by_a_state_that_is_late() {
+    let on_its_way = |sequence: &mut Sequence, module, number, millis, drive, place| {
+        let state = sequence.state(module, number);
+        (state.at, state.drive) = (SenderTime(Duration::from_millis(millis)), drive);
+        state.pose = place;
+    };
+    for makes_way in [true, false] {
+        let mut sequence = good_sequence();
+        sequence.members[4].module.pose = pose(5, 1);
+        on_its_way(&mut sequence, 3, 2, 1_000, DriveState::Moving, pose(0, 1));
+        on_its_way(
+            &mut sequence,
+            3,
+            3,
+            2_000,
+            DriveState::Standing,
+            pose(10, 1),
+        );
+        for (number, millis) in [(1, 100), (2, 200)] {
+            on_its_way(
+                &mut sequence,
+                5,
+                number,
+                millis,
+                DriveState::Standing,
+                pose(5, 1),
+            );
+        }
+        let mut observer = observe(&sequence.messages(), ObserverParameters::default());
+        assert_eq!(outcome(observer.review(at(1))), None);
+        assert_eq!(observer.poll_timeout(), Some(at(4)), "{makes_way}");
+        for (sequence, millis, drive, y) in [
+            (3, 300, DriveState::Moving, 1),
+            (4, 900, DriveState::Standing, 4),
+        ] {
+            let late = ModuleState {
+                at: SenderTime(Duration::from_millis(millis)),
+                drive,
+                pose: pose(5, y),
+                steps_done: Some(u32::from(y > 1)),
+                ..state(5, sequence, ModulePhase::Spare)
+            };
+            if makes_way {
+                observer.handle(at(2), &Message::ModuleState(Arc::new(late)));
+            }
+        }
+        let mut verdicts = Vec::new();
+        for now in 2..=12 {
+            beat(&mut observer, at(now), 1..=5);
+            let verdict = outcome(observer.review(at(now)));
+            verdicts.extend(verdict.map(|verdict| (now, verdict)));
+        }
+        let expected = match makes_way {
+            true => (2, Outcome::Complete),
+            false => (10, Outcome::Failed),
+        };
+        assert_eq!(verdicts, [expected]);
+    }
+}
+
 /// Nobody moves on without a module to which the target gives a spot.
 #[test]
 fn the_end_of_the_time_names_whose_allocation_waits() {
