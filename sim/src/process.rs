@@ -156,6 +156,28 @@ pub(crate) struct Stored {
     pub seen: BTreeSet<ModuleId>,
 }
 
+/// A time in which the machine of a process stands still, with its clock.
+#[derive(Clone, Copy)]
+pub(crate) struct Suspension {
+    pub from: Duration,
+    pub until: Duration,
+    /// Whether a heartbeat has come that shows it.
+    pub is_shown: bool,
+}
+
+/// The time in which a process gets to know the clock of another.
+const ACQUAINTANCE: Duration = Duration::from_secs(2);
+
+impl Suspension {
+    /// Whether a heartbeat shows it that this process sends now: it was sent since then, by a clock that was known before and has
+    /// not stood still.
+    pub fn is_shown_by(&self, sender: &Process, sent_at: Duration) -> bool {
+        let is_known = sender.started + ACQUAINTANCE <= self.from;
+        let other = sender.suspension;
+        sent_at >= self.until && is_known && other.is_none_or(|other| other.until <= self.from)
+    }
+}
+
 /// What the process of a module has for it: its drive, its clock and its inbox.
 pub(crate) struct Process {
     pub run: ModuleRun,
@@ -166,8 +188,10 @@ pub(crate) struct Process {
     pub drive: SimulatedDrive,
     /// Whether its agent has ordered a halt, which the drive reports once it stands.
     pub is_coasting: bool,
-    /// Whether its machine was suspended, and no heartbeat has come since it went on.
-    pub has_just_woken: bool,
+    /// When it started.
+    pub started: Duration,
+    /// The last suspension of its machine.
+    pub suspension: Option<Suspension>,
     /// Whether nothing that the drive reports reaches the agent.
     pub is_mute: bool,
     /// Whether the drive fell silent on its way, so that the agent never knows that it stands.

@@ -65,10 +65,12 @@ pub(crate) struct Verifier {
     reviews_at: Duration,
     /// When it first reported each breach.
     reported: BTreeMap<Breach, Duration>,
-    /// Whether it reported bodies that did meet.
-    has_met: bool,
+    /// Whether it reported bodies that did meet, or steps of a clock that stood still.
+    is_excused: bool,
     /// The docked parts that hands have torn apart, whose members may run into each other until they halt.
     torn: Vec<BTreeSet<ModuleId>>,
+    /// The modules whose machines were suspended: it takes their clocks for running, and so their next steps for too early.
+    suspended: BTreeSet<ModuleId>,
 }
 
 impl Verifier {
@@ -96,8 +98,9 @@ impl Verifier {
             }),
             reviews_at: REVIEW_INTERVAL,
             reported: BTreeMap::new(),
-            has_met: false,
+            is_excused: false,
             torn: Vec::new(),
+            suspended: BTreeSet::new(),
         }
     }
 
@@ -115,6 +118,9 @@ impl Verifier {
                 self.release(at);
             }
             Observation::Torn(part) => self.torn.push(part.clone()),
+            Observation::Fault(Fault::Suspend(module, _)) => {
+                self.suspended.insert(*module);
+            }
             Observation::Fault(Fault::Heal) => {
                 self.network.heal();
                 self.release(at);
@@ -218,6 +224,12 @@ impl Verifier {
     /// Records what a verdict reports. Where bodies have met, which the monitor judges by itself, the verdict is right.
     fn note(&mut self, at: Duration, breaches: Vec<Breach>, cluster: &Cluster) {
         for breach in breaches {
+            if let Breach::WaitNotKept { module, other, .. } = breach
+                && (self.suspended.contains(&module) || self.suspended.contains(&other))
+            {
+                self.is_excused = true;
+                continue;
+            }
             let has_met = match breach {
                 Breach::TwoBodies { first, second, .. } => {
                     let bodies = cluster.body(first).zip(cluster.body(second));
@@ -230,7 +242,7 @@ impl Verifier {
                 _ => false,
             };
             if has_met {
-                self.has_met = true;
+                self.is_excused = true;
             } else {
                 self.reported.entry(breach).or_insert(at);
             }
@@ -289,7 +301,7 @@ impl Verifier {
                 first.as_secs_f64()
             ));
         }
-        let is_failed = has_formed && !self.has_met && verdict.outcome == Outcome::Failed;
+        let is_failed = has_formed && !self.is_excused && verdict.outcome == Outcome::Failed;
         is_failed.then(|| format!("missing: {}", joined(&verdict.missing, "; ")))
     }
 

@@ -192,6 +192,7 @@ impl Cluster {
                 source,
                 reader,
                 sample,
+                sent_at: now,
                 message: message.clone(),
             };
             self.schedule.add(at, Happening::Deliver(delivery));

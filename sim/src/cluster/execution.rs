@@ -10,9 +10,9 @@ use formation_protocol::{Agent, Event, Input, Output, PlanJob};
 
 use super::Cluster;
 use super::schedule::{Delivery, Happening};
-use crate::network::{Participant, duration_below};
+use crate::network::{Channel, Participant, duration_below};
 use crate::observation::Observation;
-use crate::process::{Clock, Inbox, Process, Stored, shifted};
+use crate::process::{Clock, Inbox, Process, Stored, Suspension, shifted};
 
 impl Cluster {
     /// Lets the next thing happen; `false` when nothing is left to happen before `limit`.
@@ -62,14 +62,28 @@ impl Cluster {
             let (source, message) = (delivery.source, delivery.message);
             let is_heartbeat = matches!(message, Message::Heartbeat(_));
             self.input(channel.to, Input::Message { source, message });
-            let now = self.now();
-            for module in self.hosting.together(channel.to) {
-                if let Some(process) = self.processes.get_mut(&module)
-                    && is_heartbeat
-                    && !process.clock.stands_still_at(now)
-                {
-                    process.has_just_woken = false;
-                }
+            if is_heartbeat {
+                self.note_clock(channel, delivery.sent_at);
+            }
+        }
+    }
+
+    /// A heartbeat may show to the modules of a process that their machine was suspended.
+    fn note_clock(&mut self, channel: Channel, sent_at: Duration) {
+        let Participant::Module(from) = channel.from else {
+            return;
+        };
+        for module in self.hosting.together(channel.to) {
+            let processes = (self.processes.get(&module), self.processes.get(&from));
+            let (Some(to), Some(from)) = processes else {
+                continue;
+            };
+            let suspension = to.suspension;
+            if let Some(last) = suspension.filter(|last| last.is_shown_by(from, sent_at))
+                && let Some(to) = self.processes.get_mut(&module)
+            {
+                let is_shown = true;
+                to.suspension = Some(Suspension { is_shown, ..last });
             }
         }
     }
@@ -158,7 +172,8 @@ impl Cluster {
             timeout_at: None,
             drive,
             is_coasting: false,
-            has_just_woken: false,
+            started: self.schedule.now,
+            suspension: None,
             is_mute: false,
             is_lost: false,
             measured_off: <(MicroUnits, MicroUnits)>::default(),

@@ -16,7 +16,7 @@ use super::schedule::Happening;
 use crate::faults::Fault;
 use crate::network::Participant;
 use crate::observation::Observation;
-use crate::process::{Process, Stored};
+use crate::process::{Process, Stored, Suspension};
 
 /// A second in the numbers of runs, which count the starts of a module below that.
 const CLOCK_SECOND: u64 = 1_000_000;
@@ -313,7 +313,11 @@ impl Cluster {
         process.inbox.held_until = until;
         process.inbox.loses_best_effort = self.random.below(2) == 0;
         process.clock.stand_still(now, until);
-        process.has_just_woken = true;
+        process.suspension = Some(Suspension {
+            from: now,
+            until,
+            is_shown: false,
+        });
         process.timeout_at = Some(until);
         let timeout = Happening::Timeout(process.run);
         self.note(Fault::Suspend(module, span));

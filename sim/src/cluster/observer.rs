@@ -158,10 +158,14 @@ impl Cluster {
         process.driven_by.filter(|_| is_driven)
     }
 
-    /// Whether a module's machine was suspended and no heartbeat has come since it goes on.
+    /// Whether a module's machine was suspended, and no heartbeat has come that shows it. Heartbeats that waited for it show nothing;
+    /// without any others it moves on for a lease at most.
     pub(crate) fn has_just_woken(&self, module: ModuleId) -> bool {
         let process = self.processes.get(&module);
-        process.is_some_and(|process| process.has_just_woken)
+        let limit = self.parameters.agent.lease + self.parameters.agent.heartbeat;
+        process
+            .and_then(|process| process.suspension)
+            .is_some_and(|last| !last.is_shown && self.now() <= last.until + limit)
     }
 
     /// The plan of the last goal that a running module's drive received.

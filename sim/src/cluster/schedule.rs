@@ -31,6 +31,7 @@ pub(super) struct Delivery {
     /// The run of the reader that it is meant for; a restarted reader has new channels.
     pub(super) reader: ModuleRun,
     pub(super) sample: u64,
+    pub(super) sent_at: Duration,
     pub(super) message: Message,
 }
 

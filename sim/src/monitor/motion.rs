@@ -51,7 +51,7 @@ impl Monitor {
             let detail = format!("{module} moves without a plan");
             return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
         };
-        // Between waking and the first heartbeat a machine does not know that it was suspended.
+        // A machine that was suspended does not know it before the heartbeat of another shows it.
         let has_just_woken = cluster.has_just_woken(module);
         for other in cluster.running() {
             let moves_on_another = cluster
