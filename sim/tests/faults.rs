@@ -11,9 +11,9 @@ use formation_sim::{CampaignParameters, FaultKind};
 
 use crate::support::{run_all, run_each};
 
-/// The number of seeds; the soak script runs more.
+/// The number of seeds; `tests/soak_simulation.sh` runs more.
 fn seeds() -> u64 {
-    std::env::var("FORMATION_SEEDS").map_or(1_000, |text| text.parse().unwrap())
+    std::env::var("FORMATION_SEEDS").map_or(250, |text| text.parse().unwrap())
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn faults_while_plans_are_computed_leave_no_hole() {
 /// Shows G1.
 #[test]
 fn mixed_faults_leave_no_hole() {
-    run_all(&CampaignParameters::default(), 0..seeds());
+    run_all(&CampaignParameters::default(), 0..seeds() / 5);
 }
 
 #[test]
@@ -42,7 +42,7 @@ fn crashes_alone_leave_no_hole() {
         faults: FaultKind::Crash,
         ..CampaignParameters::default()
     };
-    run_all(&parameters, 0..seeds() / 10);
+    run_all(&parameters, 0..seeds() / 20);
 }
 
 #[test]
@@ -51,7 +51,7 @@ fn cuts_alone_leave_no_hole() {
         faults: FaultKind::Partition,
         ..CampaignParameters::default()
     };
-    run_all(&parameters, 0..seeds() / 10);
+    run_all(&parameters, 0..seeds() / 20);
 }
 
 /// Shows M6, G4.
@@ -62,7 +62,7 @@ fn hostile_faults_leave_no_hole() {
         modules_max: 16,
         ..CampaignParameters::default()
     };
-    run_all(&parameters, 0..seeds() / 10);
+    run_all(&parameters, 0..seeds() / 20);
 }
 
 #[test]
