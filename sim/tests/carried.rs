@@ -343,7 +343,7 @@ fn a_module_that_is_measured_ahead_before_it_sets_off_does_not_set_off() {
 }
 
 /// A neighbour docks to a settled module while that is measured elsewhere.
-/// Shows X3, X14.
+/// Shows X2, X14.
 #[test]
 fn links_that_a_neighbour_reported_count_once_the_module_is_measured_on_its_spot() {
     let mut trial = Trial::new(&in_a_row(), 1);

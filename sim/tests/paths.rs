@@ -263,7 +263,7 @@ fn modules_that_do_not_wait_for_each_other_meet() {
 
 /// A slow process repeats a goal that its drive has reached meanwhile, so that the drive reports the same arrival twice: the
 /// second is not one at the next goal.
-/// Shows A8.
+/// Shows A7.
 #[test]
 fn an_arrival_counts_for_the_goal_that_was_reached() {
     let problem = scenario(

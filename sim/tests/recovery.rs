@@ -25,7 +25,7 @@ fn a_spare_replaces_a_module_that_dies_on_its_way() {
     }
 }
 
-/// Shows P4.
+/// Shows P2.
 #[test]
 fn without_a_spare_the_spot_of_a_module_that_died_settled_is_named_open() {
     for seed in 0..6 {
@@ -216,7 +216,7 @@ fn modules_that_only_plan_agree_again_without_one_that_dies() {
 
 /// One of two neighbours restarts with the link to the other, which has forgotten it. Both stand on their spots and settle at the same
 /// time, and neither has to dock to the other first: whichever state comes first, they end docked without another plan.
-/// Shows X3.
+/// Shows X2.
 #[test]
 fn neighbours_that_restart_at_the_same_time_are_docked() {
     let starts = (0..6).map(|place| {

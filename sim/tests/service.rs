@@ -147,7 +147,7 @@ fn a_drive_that_fails_is_named_and_a_spare_takes_its_spot() {
     }
 }
 
-/// Shows S5.
+/// Shows S4.
 #[test]
 fn a_module_with_a_repaired_drive_rejoins() {
     let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 1), 1);

@@ -132,7 +132,7 @@ fn stores_without_bodies_lead_to_two_bodies_on_one_spot() {
     assert_eq!(bodies_at(&trial, lost), 2);
 }
 
-/// Shows H3.
+/// Shows H2.
 #[test]
 fn a_stop_outlives_the_restart_of_all_modules() {
     for seed in 0..6 {

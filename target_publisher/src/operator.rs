@@ -63,7 +63,7 @@ pub(crate) struct Known {
 
 impl Known {
     /// Takes in a message of a module.
-    /// Enforces H3.
+    /// Enforces H2.
     pub(crate) fn handle_message(&mut self, message: &Message) {
         match message {
             Message::Heartbeat(heartbeat) => {
@@ -473,7 +473,7 @@ mod tests {
         assert_eq!(judged(&[(1, 6), (2, 6)], true), Some(Err(none.to_owned())));
     }
 
-    /// Shows H3.
+    /// Shows H2.
     #[test]
     fn a_stop_that_modules_show_is_published_again() {
         let heartbeat = |revision| Message::Heartbeat(heartbeat_of(4, revision));

@@ -46,7 +46,7 @@ fn wait_until_done(tool: &mut RosTool, settled: u32) -> Value {
     }
 }
 
-/// Shows E9.
+/// Shows E8.
 #[test]
 fn status_is_reported_and_a_withdrawn_target_stays_withdrawn() {
     let domain = &*Domain::for_processes(4);

@@ -384,7 +384,7 @@ impl Agent {
         true
     }
 
-    /// Enforces E9, E10.
+    /// Enforces E8, E10.
     fn handle_target(&mut self, announcement: Arc<TargetAnnouncement>) {
         if !self.is_plausible_revision(announcement.revision) {
             return self.context.refuse(None, Refusal::ImplausibleRevision);

@@ -85,7 +85,7 @@ impl Agent {
     /// A module that is out of service stays a member: it freezes, computes and agrees like any other, and votes. Only
     /// the plan passes it over: a spare takes its spot, or the spot is reported open. It undocks from all modules, and moves off a spot that
     /// another one takes.
-    /// Enforces S2, S5.
+    /// Enforces S2, S4.
     pub(super) fn handle_command(&mut self, command: Command) {
         let (service, event) = match command {
             Command::Retire => (Service::Retired, Event::Retired),
@@ -122,7 +122,7 @@ impl Agent {
     }
 
     /// Follows the links that another module reports: it docked to this one, or undocked from it.
-    /// Enforces X3.
+    /// Enforces X2.
     pub(super) fn adjust_links_to(&mut self, state: &ModuleState) {
         let other = state.module;
         let Some(held) = self.stage.held_plan() else {

@@ -90,7 +90,7 @@ impl Succession {
 
 impl Agent {
     /// Another process sends as this module.
-    /// Enforces M5.
+    /// Enforces M4.
     pub(super) fn handle_duplicate(&mut self, incarnation: Incarnation) {
         let own = self.context.own;
         if incarnation == own.run.incarnation {

@@ -15,7 +15,7 @@ impl Agent {
     /// the same process.
     ///
     /// A pin is kept only if the module still stands where it stood: a robot may have been moved while it was off.
-    /// Enforces Q9, H3.
+    /// Enforces Q9, H2.
     #[must_use]
     pub fn restored(mut self, stored: Option<DurableState>) -> Self {
         let Some(stored) = stored else {

@@ -144,7 +144,7 @@ fn a_later_run_yields_to_an_earlier_one_that_still_sends_heartbeats() {
     assert_eq!(agent.phase(), ModulePhase::Listening);
 }
 
-/// Shows M5.
+/// Shows M4.
 #[test]
 fn an_earlier_run_that_resumes_does_not_replace_its_successor() {
     let mut agent = successor(at(6));

@@ -84,7 +84,7 @@ fn modules_of_a_process_know_the_same_peers_and_each_other() {
     assert_eq!(live(&replica), [4, 5, 9]);
 }
 
-/// Shows M5.
+/// Shows M4.
 #[test]
 fn a_duplicate_of_one_module_silences_that_alone() {
     let mut replica = replica();

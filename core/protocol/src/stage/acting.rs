@@ -189,7 +189,7 @@ impl Acting {
     }
 
     /// Whether it moves to another goal than this one, so that a report that the drive has reached this one comes late.
-    /// Enforces A8.
+    /// Enforces A7.
     pub fn seeks_other_than(&self, goal: &Pose) -> bool {
         let moves = matches!(self.task, Task::Moving { .. });
         moves && self.goal().is_some_and(|present| present.pose != *goal)
@@ -371,7 +371,7 @@ impl Acting {
 
     /// Stays on its spot. It undocks from modules that the target does not have there, such as a failed neighbour, and docks to
     /// those that the target has: a plan without them has parted them.
-    /// Enforces P4.
+    /// Enforces P2.
     pub(super) fn stay(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
         let unwanted = context.links_except(|link| self.held.ends_linked_to(link));
         if !unwanted.is_empty() {

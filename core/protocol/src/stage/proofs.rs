@@ -69,7 +69,7 @@ impl Proofs {
     }
 
     /// The state with this sequence number shows that the module has settled.
-    /// Enforces X6.
+    /// Enforces X5.
     pub fn note_settled(&mut self, sequence: u64) {
         if self.settled_since == 0 {
             self.settled_since = sequence;
