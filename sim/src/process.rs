@@ -169,12 +169,15 @@ pub(crate) struct Suspension {
 const ACQUAINTANCE: Duration = Duration::from_secs(2);
 
 impl Suspension {
-    /// Whether a heartbeat shows it that this process sends now: it was sent since then, by a clock that was known before and has
-    /// not stood still.
+    /// Whether a heartbeat shows it that this process sent: since then, by a clock that was known before and has stood still for
+    /// less.
     pub fn is_shown_by(&self, sender: &Process, sent_at: Duration) -> bool {
         let is_known = sender.started + ACQUAINTANCE <= self.from;
-        let other = sender.suspension;
-        sent_at >= self.until && is_known && other.is_none_or(|other| other.until <= self.from)
+        let lasted = |one: &Self| one.until - one.from;
+        let stood_less = sender.suspension.is_none_or(|other| {
+            other.until <= self.from || lasted(&other) + ACQUAINTANCE < lasted(self)
+        });
+        sent_at >= self.until && is_known && stood_less
     }
 }
 

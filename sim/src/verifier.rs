@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use formation_generate::Random;
 use formation_model::text::joined;
-use formation_model::{BODY_WIDTH, Message, ModuleId, SourceId};
+use formation_model::{BODY_WIDTH, Epoch, Message, ModuleId, SourceId};
 use formation_verify::{
     Admission, Observer, ObserverParameters, Outcome, SourceGuard, Verdict, Violation as Breach,
 };
@@ -65,12 +65,13 @@ pub(crate) struct Verifier {
     reviews_at: Duration,
     /// When it first reported each breach.
     reported: BTreeMap<Breach, Duration>,
-    /// Whether it reported bodies that did meet, or steps of a clock that stood still.
-    is_excused: bool,
+    /// Whether it reported bodies that did meet.
+    has_met: bool,
     /// The docked parts that hands have torn apart, whose members may run into each other until they halt.
     torn: Vec<BTreeSet<ModuleId>>,
-    /// The modules whose machines were suspended: it takes their clocks for running, and so their next steps for too early.
-    suspended: BTreeSet<ModuleId>,
+    /// The modules whose machines were suspended, and in which epochs: it takes their clocks for running, and so their steps for too
+    /// early.
+    suspended: BTreeSet<(ModuleId, Epoch)>,
 }
 
 impl Verifier {
@@ -98,7 +99,7 @@ impl Verifier {
             }),
             reviews_at: REVIEW_INTERVAL,
             reported: BTreeMap::new(),
-            is_excused: false,
+            has_met: false,
             torn: Vec::new(),
             suspended: BTreeSet::new(),
         }
@@ -119,7 +120,8 @@ impl Verifier {
             }
             Observation::Torn(part) => self.torn.push(part.clone()),
             Observation::Fault(Fault::Suspend(module, _)) => {
-                self.suspended.insert(*module);
+                let epoch = cluster.standing(*module).and_then(|it| it.epoch);
+                self.suspended.extend(epoch.map(|epoch| (*module, epoch)));
             }
             Observation::Fault(Fault::Heal) => {
                 self.network.heal();
@@ -221,13 +223,31 @@ impl Verifier {
         self.receive(now);
     }
 
+    /// Whether a breach may be due to a clock that stood still in its epoch.
+    fn is_of_sleeper(&self, breach: &Breach) -> bool {
+        let (epoch, modules) = match *breach {
+            Breach::WaitNotKept {
+                epoch,
+                module,
+                other,
+                ..
+            } => (epoch, [module, other]),
+            Breach::BodiesOverlap {
+                epoch,
+                first,
+                second,
+                ..
+            } => (epoch, [first, second]),
+            _ => return false,
+        };
+        let mut modules = modules.into_iter();
+        modules.any(|module| self.suspended.contains(&(module, epoch)))
+    }
+
     /// Records what a verdict reports. Where bodies have met, which the monitor judges by itself, the verdict is right.
     fn note(&mut self, at: Duration, breaches: Vec<Breach>, cluster: &Cluster) {
         for breach in breaches {
-            if let Breach::WaitNotKept { module, other, .. } = breach
-                && (self.suspended.contains(&module) || self.suspended.contains(&other))
-            {
-                self.is_excused = true;
+            if self.is_of_sleeper(&breach) {
                 continue;
             }
             let has_met = match breach {
@@ -242,7 +262,7 @@ impl Verifier {
                 _ => false,
             };
             if has_met {
-                self.is_excused = true;
+                self.has_met = true;
             } else {
                 self.reported.entry(breach).or_insert(at);
             }
@@ -301,7 +321,9 @@ impl Verifier {
                 first.as_secs_f64()
             ));
         }
-        let is_failed = has_formed && !self.is_excused && verdict.outcome == Outcome::Failed;
+        let mut breaches = verdict.violations.iter();
+        let is_excused = self.has_met || breaches.any(|breach| self.is_of_sleeper(breach));
+        let is_failed = has_formed && !is_excused && verdict.outcome == Outcome::Failed;
         is_failed.then(|| format!("missing: {}", joined(&verdict.missing, "; ")))
     }
 

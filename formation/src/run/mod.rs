@@ -67,8 +67,8 @@ pub use watch::watch;
 
 /// How long a process may take to leave the ROS 2 graph after SIGTERM.
 const STOP_GRACE: Duration = Duration::from_secs(5);
-/// The verifier judges when the time is up; the launcher waits this much longer for the verdict.
-const VERDICT_MARGIN: Duration = Duration::from_secs(5);
+/// The verifier judges when the time is up, unless it waits for what may be mended; the launcher waits this much longer for the verdict.
+const VERDICT_MARGIN: Duration = Duration::from_secs(10);
 
 /// Runs a scenario with real processes and prints the result.
 ///

@@ -16,6 +16,17 @@ use formation_model::{ModuleId, SpotId};
 /// The time in which a process that continues publishes what it lacks.
 const ONE_REACTION: Duration = Duration::from_secs(1);
 
+/// Violations wait at most so many times as long as while all members are heard.
+const WAITS_MAX: u32 = 4;
+
+/// Violations that were found in an end state without a break.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Breach {
+    since: Duration,
+    /// Since when all members have been heard.
+    heard_since: Duration,
+}
+
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.
     /// Enforces V1.
@@ -24,12 +35,15 @@ impl Observer {
         self.judge_at(now, now >= self.time_limit())
     }
 
-    /// When an end state with violations that was reached at `since` is judged. A member that is stopped for less than the silence
-    /// that is granted to it, such as one that has yet to follow a link, can continue until then.
-    pub(super) fn final_from(&self, since: Duration) -> Duration {
+    /// When an end state with these violations is judged. A member that is stopped for less than the silence that is granted to it, such
+    /// as one that has yet to follow a link, can continue until then.
+    pub(super) fn final_from(&self, breach: Breach) -> Duration {
         let silence = self.parameters.silence.saturating_add(ONE_REACTION);
         let wait = silence.min(self.parameters.time_limit);
-        since.saturating_add(wait.max(self.parameters.grace))
+        let wait = wait.max(self.parameters.grace);
+        let longest = wait.saturating_mul(WAITS_MAX);
+        let heard_long = breach.heard_since.saturating_add(wait);
+        heard_long.min(breach.since.saturating_add(longest))
     }
 
     /// The limit starts again with a command to stop, and with the command to resume.
@@ -50,30 +64,34 @@ impl Observer {
             true => Some(self.parameters.grace),
             false => is_late.then_some(self.parameters.silence),
         };
-        let settles_at = patience.and_then(|patience| self.settle_bodies(now, patience));
+        let waits = patience.is_some_and(|patience| self.settle_bodies(now, patience));
         if !missing.is_empty() {
-            (self.reached_since, self.breached_since) = (None, None);
+            (self.reached_since, self.breach) = (None, None);
             return is_late.then(|| self.report(now, missing, None));
         }
         let since = *self.reached_since.get_or_insert(now);
-        self.settles_at = settles_at;
-        if settles_at.is_some() {
+        let is_settled = now >= since.saturating_add(self.parameters.grace);
+        let mut verdict = self.report(now, missing, Some(since));
+        if verdict.violations.is_empty() {
+            self.breach = None;
+        } else {
+            // What was whole may have been pushed apart: that is no breach if the modules mend it, and that has to be heard.
+            let mut breach = self.breach.unwrap_or(Breach {
+                since: now,
+                heard_since: now,
+            });
+            if !self.hears_members(now) {
+                breach.heard_since = now;
+            }
+            self.breach = Some(breach);
+            let is_final = is_last || now >= self.final_from(breach);
+            return is_final.then_some(verdict);
+        }
+        if waits && !is_settled {
             // Modules may have run into each other, unless a state shows otherwise that is on its way.
             return None;
         }
-        let mut verdict = self.report(now, missing, Some(since));
-        if verdict.violations.is_empty() {
-            self.breached_since = None;
-        } else {
-            // What was whole may have been pushed apart: that is no breach if the modules mend it, and that has to be heard.
-            let since = match self.hears_members(now) {
-                true => *self.breached_since.get_or_insert(now),
-                false => *self.breached_since.insert(now),
-            };
-            let is_final = is_last || now >= self.final_from(since);
-            return is_final.then_some(verdict);
-        }
-        let is_final = is_late || now >= since.saturating_add(self.parameters.grace);
+        let is_final = is_late || is_settled;
         let is_whole = verdict.open_spots.is_empty();
         verdict.outcome = match is_whole {
             _ if !verdict.unjudged.is_empty() => Outcome::NotJudged,
@@ -88,9 +106,9 @@ impl Observer {
         (is_final || !is_short).then_some(verdict)
     }
 
-    /// Judges what met modules that stood where they were last seen, if no other state of them has come within `patience`. Returns until
-    /// when one is waited for, if any is.
-    pub(super) fn settle_bodies(&mut self, now: Duration, patience: Duration) -> Option<Duration> {
+    /// Judges what met modules that stood where they were last seen, if no other state of them has come within `patience`. Returns
+    /// whether one is waited for.
+    pub(super) fn settle_bodies(&mut self, now: Duration, patience: Duration) -> bool {
         let newest = self.received.newest();
         let out_of_sight = newest.map_or_else(BTreeSet::new, |planned| {
             EndState::new(&self.received, planned).out_of_sight(now, self.parameters.silence)

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::judgement::Breach;
 use super::parameters::ObserverParameters;
 use super::received::Received;
 use super::verdict::Verdict;
@@ -20,10 +21,8 @@ pub struct Observer {
     pub(super) received: Received,
     /// Since when the end state has been reached without a break.
     pub(super) reached_since: Option<Duration>,
-    /// Until when states are waited for that may show that modules did not run into each other.
-    pub(super) settles_at: Option<Duration>,
-    /// Since when violations were found in it, without a break.
-    pub(super) breached_since: Option<Duration>,
+    /// The violations that were found in it.
+    pub(super) breach: Option<Breach>,
     /// Since when an end state that was judged is no longer reached.
     broken_since: Option<Duration>,
     /// The time from which the time limit counts.
@@ -50,8 +49,7 @@ impl Observer {
             received: Received::new(&parameters),
             parameters,
             reached_since: None,
-            settles_at: None,
-            breached_since: None,
+            breach: None,
             broken_since: None,
             limit_from: Duration::ZERO,
             stopped_since: None,
@@ -78,10 +76,9 @@ impl Observer {
             return None;
         }
         let limit = self.time_limit();
-        let due = |since: Duration| match (self.settles_at, self.breached_since) {
-            (Some(settles_at), _) => settles_at,
-            (None, Some(since)) => self.final_from(since),
-            (None, None) => since.saturating_add(self.parameters.grace),
+        let due = |since: Duration| match self.breach {
+            Some(breach) => self.final_from(breach),
+            None => since.saturating_add(self.parameters.grace),
         };
         Some(
             self.reached_since

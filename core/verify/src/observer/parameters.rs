@@ -16,8 +16,8 @@ pub struct ObserverParameters {
     /// A formation that is not done within this time has failed. The time counts from the announcement of a target with new
     /// content, or from the observer's start while there is no target.
     pub time_limit: Duration,
-    /// The time that an end state with violations has to become right, since messages that prove it can be delayed. An end
-    /// state with fewer modules than expected waits as long for more of them.
+    /// The time that an end state with violations has to become right, since messages that prove it can be delayed, such as those of a
+    /// module that seems to be run into. An end state with fewer modules than expected waits as long for more of them.
     pub grace: Duration,
     /// A member that is silent for longer than this does not count as living, so no formation with it is done.
     pub silence: Duration,

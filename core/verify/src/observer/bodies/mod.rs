@@ -119,13 +119,13 @@ impl Bodies {
     }
 
     /// A verdict is due: modules stand where they stood last, but for those that are out of sight, if no other state has come within
-    /// `patience`, as their states may be on the way. Returns until when one is waited for, if any is.
+    /// `patience`, as their states may be on the way. Returns whether one is waited for.
     pub(super) fn settle(
         &mut self,
         now: Duration,
         patience: Duration,
         out_of_sight: &BTreeSet<ModuleId>,
-    ) -> Option<Duration> {
+    ) -> bool {
         let (due, waiting): (Vec<_>, Vec<_>) = std::mem::take(&mut self.suspicions)
             .into_iter()
             .partition(|one| one.due_since.unwrap_or(now).saturating_add(patience) <= now);
@@ -146,10 +146,8 @@ impl Bodies {
                 self.compare(&segment, &rest);
             }
         }
-        let in_sight = self.suspicions.iter();
-        let in_sight = in_sight.filter(|one| !out_of_sight.contains(&one.standing));
-        let since = in_sight.filter_map(|one| one.due_since).min();
-        since.map(|since| since.saturating_add(patience))
+        let mut waiting = self.suspicions.iter();
+        waiting.any(|one| !out_of_sight.contains(&one.standing))
     }
 
     /// The number of states that did not arrive.

@@ -80,6 +80,46 @@ fn members_that_are_not_heard_may_be_mending_what_is_broken() {
     }
 }
 
+#[test]
+fn what_is_broken_is_reported_although_members_are_seldom_heard() {
+    let mut sequence = good_sequence();
+    sequence.state(4, 3).links.clear();
+    let mut observer = observe(&sequence.messages(), ObserverParameters::default());
+    let mut verdicts = Vec::new();
+    for now in 1..=30 {
+        if now % 4 == 0 {
+            beat(&mut observer, at(now), 1..=5);
+        }
+        let verdict = outcome(observer.review(at(now)));
+        verdicts.extend(verdict.map(|verdict| (now, verdict)));
+    }
+    assert_eq!(verdicts, [(25, Outcome::Failed)]);
+}
+
+/// A stranger that moves to and fro over a settled module takes no part in the plan.
+#[test]
+fn no_stranger_keeps_a_verdict_back_for_longer_than_the_grace() {
+    let mut observer = observe(&good_sequence().messages(), ObserverParameters::default());
+    let mut verdicts = Vec::new();
+    for now in 1..=9 {
+        let x = if now % 2 == 0 { 8 } else { 12 };
+        let passing = ModuleState {
+            at: SenderTime(at(now)),
+            drive: DriveState::Moving,
+            pose: pose(x, 1),
+            steps_done: Some(0),
+            ..state(9, now, ModulePhase::Moving)
+        };
+        observer.handle(at(now), &Message::ModuleState(Arc::new(passing)));
+        beat(&mut observer, at(now), 1..=5);
+        if now >= 3 {
+            let verdict = outcome(observer.review(at(now)));
+            verdicts.extend(verdict.map(|verdict| (now, verdict)));
+        }
+    }
+    assert_eq!(verdicts, [(6, Outcome::Complete)]);
+}
+
 /// The states with which the spare makes way for module 3 are late, and nothing else is missing.
 #[test]
 fn who_seems_to_stand_in_the_way_may_have_left_by_a_state_that_is_late() {
