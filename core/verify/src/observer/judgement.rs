@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use super::breach::Breach;
 use super::causality::Acts;
 use super::claims::Claimed;
 use super::end_state::EndState;
@@ -13,37 +14,12 @@ use super::verdict::{CollisionRisk, Counts, Outcome, Timings, Verdict};
 use crate::violation::{Missing, VIOLATIONS_MAX, Violation};
 use formation_model::{ModuleId, SpotId};
 
-/// The time in which a process that continues publishes what it lacks.
-const ONE_REACTION: Duration = Duration::from_secs(1);
-
-/// Violations wait at most so many times as long as while all members are heard.
-const WAITS_MAX: u32 = 4;
-
-/// Violations that were found in an end state without a break.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Breach {
-    since: Duration,
-    /// Since when all members have been heard.
-    heard_since: Duration,
-}
-
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.
     /// Enforces V1.
     pub(super) fn judge(&mut self, now: Duration) -> Option<Verdict> {
         self.note_stop(now);
         self.judge_at(now, now >= self.time_limit())
-    }
-
-    /// When an end state with these violations is judged. A member that is stopped for less than the silence that is granted to it, such
-    /// as one that has yet to follow a link, can continue until then.
-    pub(super) fn final_from(&self, breach: Breach) -> Duration {
-        let silence = self.parameters.silence.saturating_add(ONE_REACTION);
-        let wait = silence.min(self.parameters.time_limit);
-        let wait = wait.max(self.parameters.grace);
-        let longest = wait.saturating_mul(WAITS_MAX);
-        let heard_long = breach.heard_since.saturating_add(wait);
-        heard_long.min(breach.since.saturating_add(longest))
     }
 
     /// The limit starts again with a command to stop, and with the command to resume.
@@ -76,15 +52,12 @@ impl Observer {
             self.breach = None;
         } else {
             // What was whole may have been pushed apart: that is no breach if the modules mend it, and that has to be heard.
-            let mut breach = self.breach.unwrap_or(Breach {
-                since: now,
-                heard_since: now,
-            });
+            let mut breach = self.breach.unwrap_or(Breach::found_at(now));
             if !self.hears_members(now) {
-                breach.heard_since = now;
+                breach = breach.unheard_at(now);
             }
             self.breach = Some(breach);
-            let is_final = is_last || now >= self.final_from(breach);
+            let is_final = is_last || now >= breach.reported_at(&self.parameters);
             return is_final.then_some(verdict);
         }
         if waits && !is_settled {

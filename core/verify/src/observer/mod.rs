@@ -5,6 +5,7 @@
 //! counts as broken only if some message shows it, or if all messages were received and none shows that it was kept.
 
 mod bodies;
+mod breach;
 mod causality;
 mod claims;
 mod end_state;

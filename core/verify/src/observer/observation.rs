@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::judgement::Breach;
+use super::breach::Breach;
 use super::parameters::ObserverParameters;
 use super::received::Received;
 use super::verdict::Verdict;
@@ -77,7 +77,7 @@ impl Observer {
         }
         let limit = self.time_limit();
         let due = |since: Duration| match self.breach {
-            Some(breach) => self.final_from(breach),
+            Some(breach) => breach.reported_at(&self.parameters),
             None => since.saturating_add(self.parameters.grace),
         };
         Some(
