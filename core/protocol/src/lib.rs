@@ -442,14 +442,12 @@ impl Agent {
         match *news {
             Ok(StateNews::Old) => return false,
             Ok(news) => {
-                let is_of_run =
-                    news == StateNews::OfRun || self.context.bodies.is_of_later_run(run);
-                if is_of_run {
-                    self.context.note_run(run, state.digest.is_some());
+                if news == StateNews::OfRun {
+                    self.context.note_run(run);
                 }
                 self.note_body(state);
                 if news == StateNews::OnTheWay {
-                    return is_of_run || self.stage.waits_for(run.module);
+                    return self.stage.waits_for(run.module);
                 }
                 self.stage.follow_place(state, &self.context);
                 self.adjust_links_to(state);
@@ -505,6 +503,10 @@ impl Agent {
                     context.note_epoch(epoch);
                 }
                 let is_late = age > context.parameters.lease;
+                if is_late {
+                    // While it was silent a later run may have become known.
+                    context.note_run(run);
+                }
                 let is_commanded = stop > context.stop && context.is_plausible(stop.revision);
                 if is_commanded {
                     self.handle_stop(stop);
@@ -514,7 +516,7 @@ impl Agent {
             }
             Ok(HeartbeatNews::New) => {
                 self.handle_stop(stop);
-                self.context.note_run(run, holds_plan);
+                self.context.note_run(run);
                 self.context.note_heard(run);
                 self.note_shown(epoch, holds_plan);
                 // A state that was kept may have become its own.

@@ -117,13 +117,12 @@ impl Agent {
         }
     }
 
-    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A run that
-    /// has shown a plan keeps its number, as others have accepted it; those who receive it know where its body is.
+    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it.
     pub(super) fn note_named_run(&mut self, named: Incarnation) {
         let context = &self.context;
         let is_later = named > context.own.run.incarnation && context.is_plausible(named.0);
         let is_new = self.succession.to_exceed < Some(named);
-        if is_later && is_new && !context.session.shown.has_shown {
+        if is_later && is_new {
             self.succession.to_exceed = Some(named);
             self.succession.note_successor(named);
             self.stand_back();
@@ -143,7 +142,7 @@ impl Agent {
     /// Refuses a message of a run; a duplicate is reported once.
     pub(super) fn refuse_run(&mut self, run: ModuleRun, reason: Refusal) {
         if reason == Refusal::StaleIncarnation {
-            self.context.note_run(run, false);
+            self.context.note_run(run);
         }
         if reason != Refusal::DuplicateModule {
             return self.context.refuse(Some(run.module), reason);

@@ -24,15 +24,6 @@ use crate::refusal::Refusal;
 /// The most bodies of other sessions that are kept, so that they take no room from those of this one.
 const OTHER_SESSIONS_MAX: usize = 1_024;
 
-/// A module whose run sends under an earlier number than a former one had.
-#[derive(Clone, Copy, Debug, Hash)]
-pub(crate) struct Outdated {
-    /// The number of the former run.
-    pub former: Incarnation,
-    /// Since when the states of this module say so.
-    pub since: Duration,
-}
-
 /// The bodies of other modules.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bodies {
@@ -45,10 +36,8 @@ pub(crate) struct Bodies {
     removals: u64,
     /// An epoch whose roster opens spots on which this module knows bodies, and the modules of these bodies.
     contested: Option<(Epoch, BTreeSet<ModuleId>)>,
-    /// The modules whose runs send under earlier numbers than former ones had that are known.
-    pub(crate) outdated: BTreeMap<ModuleId, Outdated>,
-    /// The modules of which a run became known that is later than the one known before, or the first, and that have not sent since.
-    pub(crate) risen: BTreeSet<ModuleId>,
+    /// The modules whose runs send under earlier numbers than former ones had, with the number of the former.
+    pub(crate) outdated: BTreeMap<ModuleId, Incarnation>,
     /// The blocked spots that were last reported.
     reported: Vec<BlockedSpot>,
     /// What was last found by [`Context::compare_bodies`].
@@ -68,7 +57,7 @@ struct Comparison {
 }
 
 impl Hash for Bodies {
-    /// The comparison and the modules that have risen follow from the rest, and the version only says whether it is up to date.
+    /// The comparison follows from the rest, and the version only says whether it is up to date.
     fn hash<H: Hasher>(&self, state: &mut H) {
         let Self {
             known,
@@ -77,7 +66,6 @@ impl Hash for Bodies {
             removals: _,
             contested,
             outdated,
-            risen: _,
             reported,
             compared: _,
         } = self;
@@ -152,11 +140,7 @@ impl Bodies {
 
     fn insert(&mut self, report: BodyReport) {
         self.version += 1;
-        let (module, incarnation) = (report.module, report.incarnation);
-        let former = self.known.insert(module, report);
-        if former.is_none_or(|former| former.incarnation < incarnation) {
-            self.risen.insert(module);
-        }
+        self.known.insert(report.module, report);
     }
 
     /// Keeps where a module shows itself. In the same epoch, that supersedes no knowledge of its plan.
@@ -181,9 +165,6 @@ impl Bodies {
             };
             if known.compare_age(&report).is_lt() {
                 self.version += 1;
-                if known.incarnation < report.incarnation {
-                    self.risen.insert(report.module);
-                }
                 *known = report;
             }
         }
@@ -391,9 +372,6 @@ impl Context {
     /// Takes over the bodies in a roster. The removals in it are proposals until the members agree.
     pub fn learn_roster_bodies(&mut self, roster: &Roster) {
         self.note_bodies();
-        for member in &roster.members {
-            self.bodies.forget_outdated(member.run(), true);
-        }
         for report in &roster.bodies {
             if blocked_spots::lists(&roster.members, report.module) {
                 continue;
