@@ -117,7 +117,7 @@ impl Agent {
         }
     }
 
-    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it.
+    /// Peers named a run of this module. If that is later, this one yields to it, and then takes a number above it.
     pub(super) fn note_named_run(&mut self, named: Incarnation) {
         let context = &self.context;
         let is_later = named > context.own.run.incarnation && context.is_plausible(named.0);

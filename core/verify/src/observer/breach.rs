@@ -26,7 +26,7 @@ impl Breach {
         }
     }
 
-    /// The same, when not all members are heard: what is broken may be mended.
+    /// Begins the wait anew, as not all members are heard: what is broken may be mended.
     pub(super) fn unheard_at(self, now: Duration) -> Self {
         Self {
             heard_since: now,

@@ -240,8 +240,8 @@ impl<'a> EndState<'a> {
         gone.map(|(state, _)| state.module).collect()
     }
 
-    /// The modules whose heartbeats have ended, or never came, and of which the roster does not say that their bodies stand where they were last seen:
-    /// later plans may have let them move on.
+    /// The modules whose heartbeats have ended, or never came, and of which the roster does not say that their bodies stand where they
+    /// were last seen: later plans may have let them move on.
     pub(super) fn out_of_sight(&self, now: Duration, silence: Duration) -> BTreeSet<ModuleId> {
         let listed = &self.planned.roster.roster.bodies;
         let is_listed = |state: &ModuleState| {
