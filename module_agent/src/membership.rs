@@ -130,11 +130,17 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
         (InService::Retired | InService::MotionFailed, true) => format!(
             "{module} takes part again: a new plan gives it a spot if one is open, else it stands by"
         ),
-        (InService::MotionFailed, false) => {
-            format!(
-                "{module} was out of service already, since its motion failed; now it is retired"
-            )
-        }
+        (InService::MotionFailed, false) => match host.status_of(module) {
+            Some((InService::Retired, _)) => {
+                format!(
+                    "{module} was out of service already, since it found no path; now it is retired"
+                )
+            }
+            _ => format!(
+                "{module} is out of service already, since its motion failed: it stays where it is; to have it make way, \
+                 have it rejoin first"
+            ),
+        },
         (InService::Active, false) => {
             let spot = match phase {
                 ModulePhase::Settled => "a spare takes its spot, if there is one",

@@ -437,6 +437,28 @@ fn a_retired_module_makes_way_along_a_path() {
     }
 }
 
+/// Its drive gets no goal on which it would never report again: the module freezes, and its vote counts.
+/// Shows S4.
+#[test]
+fn a_module_whose_driver_is_silent_does_not_make_way_when_it_is_retired() {
+    let mut trial = in_a_row(4, 6, "", 5.0);
+    trial.until(Cluster::has_formed);
+    let settled = trial.settled();
+    let (silent, dies) = (settled[0].0, settled[2].0);
+    trial.cluster.mute_drive(silent);
+    trial.run_for(Duration::from_secs(10));
+    trial.cluster.command(silent, Command::Retire);
+    trial.run_for(Duration::from_secs(30));
+    trial.cluster.crash(dies);
+    trial.run_for(Duration::from_secs(60));
+    let members = trial.rosters.last().unwrap().members.iter();
+    let members: Vec<(ModuleId, Service)> = members
+        .map(|member| (member.module.id, member.service))
+        .collect();
+    assert_eq!(members.len(), 3);
+    assert!(members.contains(&(silent, Service::MotionFailed)));
+}
+
 /// Three docked modules stand turned over the target, and one end of them is retired: it makes way by steps of its own. No module moves
 /// while it is docked to one that moves apart from it, and the two that turn as one body begin only when both are free, however long
 /// ports take to let go.
