@@ -19,6 +19,7 @@ mod lapse;
 mod one_way_links;
 mod planning;
 mod service;
+mod silent_drivers;
 mod stop;
 #[allow(dead_code, reason = "the tests with deliberate bugs use it as well")]
 mod support;
