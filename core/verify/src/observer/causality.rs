@@ -283,7 +283,7 @@ impl<'a> Acts<'a> {
             .collect();
         let mut without: BTreeMap<usize, Vec<(usize, ModuleId, SpotId)>> = BTreeMap::new();
         for (&lead, unit) in &self.units {
-            if !self.has_settled(unit)
+            if !self.have_settled(&unit.modules)
                 || open.contains(&lead)
                 || self.has_placed_neighbour(unit, &holders)
             {
@@ -297,7 +297,12 @@ impl<'a> Acts<'a> {
                 without.entry(part).or_default().push((waited, lead, spot));
             }
         }
+        if without.is_empty() {
+            return;
+        }
+        let torn = self.of_torn_blocks();
         for (part, mut units) in without {
+            units.retain(|(_, lead, _)| !torn.contains(lead));
             units.sort_unstable();
             // A part with a pinned module exists before any module moves; otherwise the unit that waited for the fewest
             // modules was the first.
@@ -311,8 +316,15 @@ impl<'a> Acts<'a> {
         }
     }
 
-    fn has_settled(&self, unit: &Unit) -> bool {
-        let mut modules = unit.modules.iter();
+    /// The modules of blocks of which not all have settled: where the others go may be what a placed module is adjacent to.
+    fn of_torn_blocks(&self) -> BTreeSet<ModuleId> {
+        let blocks = replay_claims(self.planned).replay.blocks;
+        let torn = blocks.into_iter().filter(|block| !self.have_settled(block));
+        torn.flatten().collect()
+    }
+
+    fn have_settled(&self, modules: &[ModuleId]) -> bool {
+        let mut modules = modules.iter();
         modules.all(|module| self.moved.get(module).is_some_and(|act| act.settled))
     }
 

@@ -497,3 +497,61 @@ fn of_an_end_state_that_heals_in_time_are_forgotten() {
     let verdict = observer.verdict(Duration::from_secs(2)).unwrap();
     assert_eq!(verdict.outcome, Outcome::Complete);
 }
+
+/// A row of five spots, of which pinned modules hold the ends. A block of two modules comes to the second and the third spot, and what it
+/// has to dock to is adjacent to the second; the module on its way there dies.
+#[test]
+fn a_block_that_is_torn_is_not_judged_by_the_rest_of_it() {
+    let mut sequence = good_sequence();
+    let spot = |id: u32| RawSpot {
+        id,
+        x: f64::from(id),
+        y: 9.0,
+        theta: 0.0,
+    };
+    let row = RawTarget {
+        frame_id: "map".to_owned(),
+        spots: (1..=5).map(spot).collect(),
+        edges: vec![[1, 2], [2, 3], [3, 4], [4, 5]],
+    };
+    sequence.target.target = Some(Arc::new(Target::try_from(row).unwrap()));
+    for (member, spot) in [(2, 1), (3, 5)] {
+        let module = &mut sequence.members[member].module;
+        (module.pose, module.pin) = (pose(spot, 9), u32::try_from(spot).ok().map(SpotId));
+    }
+    let [first, _, _, last] = <[SpotClaim; 4]>::try_from(sequence.claims).unwrap();
+    let selections = |pairs: &[(u32, u32)]| Decision {
+        selections: select(pairs),
+        ..Decision::default()
+    };
+    let block = SpotClaim {
+        claimant: ModuleId(1),
+        decision: selections(&[(2, 2), (3, 1)]),
+        ..first
+    };
+    let single = SpotClaim {
+        turn: 1,
+        decision: selections(&[(4, 5)]),
+        ..last
+    };
+    sequence.claims = vec![block, single];
+    for heartbeat in &mut sequence.heartbeats {
+        heartbeat.applied_turns = 2;
+    }
+    let agreement = sequence.state(1, 2).agreed_on.clone();
+    let settles = ModuleState {
+        spot: Some(SpotId(3)),
+        pose: pose(3, 9),
+        ..sequence.state(1, 3).clone()
+    };
+    let moves = ModuleState {
+        spot: Some(SpotId(4)),
+        unit: Some(ModuleId(5)),
+        agreed_on: agreement,
+        ..state(5, 2, ModulePhase::Moving)
+    };
+    sequence.states = vec![settles, moves];
+    let verdict = sequence.verdict();
+    let is_of_order = |one: &&Violation| matches!(one, Violation::NoPlacedNeighbour { .. });
+    assert_eq!(verdict.violations.iter().find(is_of_order), None);
+}
