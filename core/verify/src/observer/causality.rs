@@ -297,20 +297,21 @@ impl<'a> Acts<'a> {
                 without.entry(part).or_default().push((waited, lead, spot));
             }
         }
-        if without.is_empty() {
-            return;
-        }
-        let torn = self.of_torn_blocks();
+        let mut torn = None;
         for (part, mut units) in without {
-            units.retain(|(_, lead, _)| !torn.contains(lead));
-            units.sort_unstable();
             // A part with a pinned module exists before any module moves; otherwise the unit that waited for the fewest
             // modules was the first.
             let begun = parts[part].iter().any(|spot| pins.contains(spot));
+            let first = usize::from(!begun);
+            if units.len() > first {
+                let torn = torn.get_or_insert_with(|| self.of_torn_blocks());
+                units.retain(|(_, lead, _)| !torn.contains(lead));
+            }
+            units.sort_unstable();
             violations.extend(
                 units
                     .into_iter()
-                    .skip(usize::from(!begun))
+                    .skip(first)
                     .map(|(_, module, spot)| Violation::NoPlacedNeighbour { module, spot }),
             );
         }
