@@ -124,23 +124,24 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
         Command::Retire
     };
     host.command(now, module, command);
+    if !request.rejoin
+        && host.status_of(module).map(|(service, _)| service) != Some(InService::Retired)
+    {
+        return Err(format!(
+            "the drive of {module} has failed, and has not reported since that it stands: it is out of service, and stays where it is"
+        ));
+    }
     Ok(match (service, request.rejoin) {
         (InService::Active, true) => format!("{module} takes part already"),
         (InService::Retired, false) => format!("{module} is retired already"),
         (InService::Retired | InService::MotionFailed, true) => format!(
             "{module} takes part again: a new plan gives it a spot if one is open, else it stands by"
         ),
-        (InService::MotionFailed, false) => match host.status_of(module) {
-            Some((InService::Retired, _)) => {
-                format!(
-                    "{module} was out of service already, since it found no path; now it is retired"
-                )
-            }
-            _ => format!(
-                "{module} is out of service already, since its motion failed: it stays where it is; to have it make way, \
-                 have it rejoin first"
-            ),
-        },
+        (InService::MotionFailed, false) => {
+            format!(
+                "{module} was out of service already; now it is retired, and makes way for others"
+            )
+        }
         (InService::Active, false) => {
             let spot = match phase {
                 ModulePhase::Settled => "a spare takes its spot, if there is one",
@@ -308,5 +309,23 @@ mod tests {
         let answer = retire(&mut next, NOW, ask(4, true)).unwrap();
         assert!(answer.contains("takes part again"), "{answer}");
         assert_eq!(service_of(&next, 4), Some(InService::Active));
+    }
+
+    #[test]
+    fn a_module_whose_motion_failed_is_retired_if_its_drive_is_known_to_stand() {
+        let identity = single_module(ModuleId(4), Pose::default());
+        let mut host = Host::new(
+            SourceId(1),
+            [(identity, InService::MotionFailed)],
+            AgentParameters::default(),
+            &Motion::default(),
+            &[],
+            KeptMemory::default(),
+        );
+        let (module_id, rejoin) = (4, false);
+        let request = RetireModuleRequest { module_id, rejoin };
+        let answer = retire(&mut host, NOW, request).unwrap();
+        assert!(answer.contains("makes way"), "{answer}");
+        assert_eq!(service_of(&host, 4), Some(InService::Retired));
     }
 }

@@ -16,7 +16,7 @@ use formation_sim::Cluster;
 /// How long the drives move on after the last goal.
 const COASTING: Option<Duration> = Some(Duration::from_millis(1_500));
 
-/// The same, and the driver of that module falls silent.
+/// Six modules on their paths, one of which has been on its way for a second when its driver falls silent.
 fn with_a_silent_driver(silent: ModuleId) -> Trial {
     let mut trial = on_the_way(silent, COASTING);
     trial.cluster.mute_drive(silent);
@@ -124,13 +124,21 @@ fn a_convener_whose_driver_falls_silent_leaves_the_gathering() {
 /// Shows S4.
 #[test]
 fn a_module_whose_driver_is_silent_does_not_make_way_when_it_is_retired() {
+    for commands in [&[Command::Retire][..], &[Command::Rejoin, Command::Retire]] {
+        check_that_it_makes_no_way(commands);
+    }
+}
+
+fn check_that_it_makes_no_way(commands: &[Command]) {
     let mut trial = in_a_row(4, 6, "", 5.0);
     trial.until(Cluster::has_formed);
     let settled = trial.settled();
     let (silent, dies) = (settled[0].0, settled[2].0);
     trial.cluster.mute_drive(silent);
     trial.run_for(Duration::from_secs(10));
-    trial.cluster.command(silent, Command::Retire);
+    for &command in commands {
+        trial.cluster.command(silent, command);
+    }
     trial.run_for(Duration::from_secs(30));
     trial.cluster.crash(dies);
     trial.run_for(Duration::from_secs(60));
@@ -142,22 +150,28 @@ fn a_module_whose_driver_is_silent_does_not_make_way_when_it_is_retired() {
     assert!(members.contains(&(silent, Service::MotionFailed)));
 }
 
-/// Neither command means that it stands.
+/// No command means that it stands.
 /// Shows E4.
 #[test]
 fn a_module_whose_driver_fell_silent_convenes_no_other_after_a_command() {
     let silent = ModuleId(1);
-    for command in [Command::Retire, Command::Rejoin] {
+    for commands in [
+        &[Command::Retire][..],
+        &[Command::Rejoin],
+        &[Command::Rejoin, Command::Retire],
+    ] {
         let mut trial = with_a_silent_driver(silent);
         trial.run_for(Duration::from_secs(35));
-        trial.cluster.command(silent, command);
+        for &command in commands {
+            trial.cluster.command(silent, command);
+        }
         withdraw_and_announce(&mut trial, Duration::from_secs(5));
         trial.run_for(Duration::from_secs(60));
         let mut events = trial.noted.iter();
         let convenes = |(module, event): &(ModuleId, Event)| {
             *module == silent && matches!(event, Event::Convened(epoch, _) if epoch.number > 1)
         };
-        assert!(!events.any(convenes), "{command:?}");
+        assert!(!events.any(convenes), "{commands:?}");
     }
 }
 

@@ -75,7 +75,7 @@ impl Identity {
 /// A command from an operator or a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Leave the formation: stop, undock, and take no further spot.
+    /// Leave the formation: stop, undock, take no further spot, and make way for others, unless the drive has failed.
     Retire,
     /// Take part again, after [`Self::Retire`] or after a failure of the drive or ports.
     Rejoin,

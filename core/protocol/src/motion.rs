@@ -84,16 +84,17 @@ impl Agent {
 
     /// A module that is out of service stays a member: it freezes, computes and agrees like any other, and votes. Only
     /// the plan passes it over: a spare takes its spot, or the spot is reported open. It undocks from all modules, and moves off a spot that
-    /// another one takes. One whose drive failed would never get there, nor be measured to stand: to retire it changes nothing.
+    /// another one takes. One whose drive failed stays so until it is measured to stand: it would never get there.
     /// Enforces S2, S4.
     pub(super) fn handle_command(&mut self, command: Command) {
         let (service, event) = match command {
+            Command::Retire if self.context.robot.has_failed => {
+                (Service::MotionFailed, Event::Retired)
+            }
             Command::Retire => (Service::Retired, Event::Retired),
             Command::Rejoin => (Service::Active, Event::Rejoined),
         };
-        let robot = &self.context.robot;
-        let may_make_way = robot.lasting_service() != Service::MotionFailed;
-        if robot.service == service || (command == Command::Retire && !may_make_way) {
+        if self.context.robot.service == service {
             return;
         }
         self.context.robot.service = service;

@@ -259,7 +259,7 @@ impl<'a> Acts<'a> {
     }
 
     /// Each unit must have a placed module adjacent to one of its spots in its causal past, except the first unit of each
-    /// connected part of the filled spots.
+    /// connected part of the filled spots. Units of which not all have settled are not judged.
     fn check_neighbours(&self, open: &BTreeSet<ModuleId>, violations: &mut Vec<Violation>) {
         let mut holders: BTreeMap<SpotId, ModuleId> = self
             .planned
@@ -304,8 +304,10 @@ impl<'a> Acts<'a> {
             let begun = parts[part].iter().any(|spot| pins.contains(spot));
             let first = usize::from(!begun);
             if units.len() > first {
-                let torn = torn.get_or_insert_with(|| self.of_torn_blocks());
-                units.retain(|(_, lead, _)| !torn.contains(lead));
+                let torn = torn.get_or_insert_with(|| self.leads_of_torn_blocks());
+                let may_be_torn =
+                    |lead: &ModuleId| torn.as_ref().is_none_or(|torn| torn.contains(lead));
+                units.retain(|(_, lead, _)| !may_be_torn(lead));
             }
             units.sort_unstable();
             violations.extend(
@@ -317,11 +319,17 @@ impl<'a> Acts<'a> {
         }
     }
 
-    /// The modules of blocks of which not all have settled: where the others go may be what a placed module is adjacent to.
-    fn of_torn_blocks(&self) -> BTreeSet<ModuleId> {
-        let blocks = replay_claims(self.planned).replay.blocks;
-        let torn = blocks.into_iter().filter(|block| !self.have_settled(block));
-        torn.flatten().collect()
+    /// The lowest modules of blocks of which not all have settled: where the others go may be what a placed module is adjacent to. `None`
+    /// if claims did not arrive, so that any module may belong to such a block.
+    fn leads_of_torn_blocks(&self) -> Option<BTreeSet<ModuleId>> {
+        let claimed = replay_claims(self.planned);
+        let (_, turns) = disagreement(self.planned);
+        let blocks = claimed.replay.blocks.into_iter();
+        let torn = blocks.filter(|block| !self.have_settled(block));
+        let leads = torn.filter_map(|block| block.first().copied()).collect();
+        turns
+            .is_some_and(|turns| turns <= claimed.turns)
+            .then_some(leads)
     }
 
     fn have_settled(&self, modules: &[ModuleId]) -> bool {

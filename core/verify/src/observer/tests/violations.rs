@@ -498,10 +498,9 @@ fn of_an_end_state_that_heals_in_time_are_forgotten() {
     assert_eq!(verdict.outcome, Outcome::Complete);
 }
 
-/// A row of five spots, of which pinned modules hold the ends. A block of two modules comes to the second and the third spot, and what it
-/// has to dock to is adjacent to the second; the module on its way there dies.
-#[test]
-fn a_block_that_is_torn_is_not_judged_by_the_rest_of_it() {
+/// A row of five spots, whose last one a pinned module holds, and the first one as well if `first_is_held`. A block comes to the third and
+/// the second spot, those of its modules 1 and 2 have settled that `settled` names, and module 5 moves to the fourth spot.
+fn row_with_a_block(first_is_held: bool, settled: &[u32]) -> Sequence {
     let mut sequence = good_sequence();
     let spot = |id: u32| RawSpot {
         id,
@@ -515,43 +514,61 @@ fn a_block_that_is_torn_is_not_judged_by_the_rest_of_it() {
         edges: vec![[1, 2], [2, 3], [3, 4], [4, 5]],
     };
     sequence.target.target = Some(Arc::new(Target::try_from(row).unwrap()));
-    for (member, spot) in [(2, 1), (3, 5)] {
-        let module = &mut sequence.members[member].module;
-        (module.pose, module.pin) = (pose(spot, 9), u32::try_from(spot).ok().map(SpotId));
+    let mut hold = |module: usize, spot: u32| {
+        let module = &mut sequence.members[module - 1].module;
+        (module.pose, module.pin) = (pose(i64::from(spot), 9), Some(SpotId(spot)));
+    };
+    hold(4, 5);
+    if first_is_held {
+        hold(3, 1);
     }
-    let [first, _, _, last] = <[SpotClaim; 4]>::try_from(sequence.claims).unwrap();
-    let selections = |pairs: &[(u32, u32)]| Decision {
+    let [mut block, mut single, ..] = <[SpotClaim; 4]>::try_from(sequence.claims).unwrap();
+    let takes = |pairs: &[(u32, u32)]| Decision {
         selections: select(pairs),
         ..Decision::default()
     };
-    let block = SpotClaim {
-        claimant: ModuleId(1),
-        decision: selections(&[(2, 2), (3, 1)]),
-        ..first
-    };
-    let single = SpotClaim {
-        turn: 1,
-        decision: selections(&[(4, 5)]),
-        ..last
-    };
+    (block.claimant, block.decision) = (ModuleId(1), takes(&[(2, 2), (3, 1)]));
+    (single.claimant, single.decision) = (ModuleId(5), takes(&[(4, 5)]));
     sequence.claims = vec![block, single];
     for heartbeat in &mut sequence.heartbeats {
         heartbeat.applied_turns = 2;
     }
-    let agreement = sequence.state(1, 2).agreed_on.clone();
-    let settles = ModuleState {
-        spot: Some(SpotId(3)),
-        pose: pose(3, 9),
-        ..sequence.state(1, 3).clone()
+    let agreed_on = marks(&[(2, 11), (3, 10), (4, 12), (5, 10)]);
+    let acts = |module: u32, unit: u32, spot: u32, phase| ModuleState {
+        spot: Some(SpotId(spot)),
+        unit: Some(ModuleId(unit)),
+        steps_done: Some(1),
+        agreed_on: agreed_on.clone(),
+        ..state(module, 3, phase)
     };
-    let moves = ModuleState {
-        spot: Some(SpotId(4)),
-        unit: Some(ModuleId(5)),
-        agreed_on: agreement,
-        ..state(5, 2, ModulePhase::Moving)
+    let settled = settled.iter().map(|&module| ModuleState {
+        pose: pose(i64::from(4 - module), 9),
+        ..acts(module, 1, 4 - module, ModulePhase::Settled)
+    });
+    sequence.states = settled.collect();
+    let moves = acts(5, 5, 4, ModulePhase::Moving);
+    sequence.states.push(moves);
+    sequence
+}
+
+/// What a block has to dock to may be adjacent to the spot of the module that died on its way.
+#[test]
+fn a_block_is_judged_by_the_order_once_all_of_it_have_settled() {
+    let of_order = |sequence: &Sequence| -> Vec<Violation> {
+        let violations = sequence.verdict().violations.into_iter();
+        violations
+            .filter(|one| matches!(one, Violation::NoPlacedNeighbour { .. }))
+            .collect()
     };
-    sequence.states = vec![settles, moves];
-    let verdict = sequence.verdict();
-    let is_of_order = |one: &&Violation| matches!(one, Violation::NoPlacedNeighbour { .. });
-    assert_eq!(verdict.violations.iter().find(is_of_order), None);
+    assert_eq!(of_order(&row_with_a_block(true, &[1])), []);
+    assert_eq!(of_order(&row_with_a_block(true, &[1, 2])), []);
+    let too_early = Violation::NoPlacedNeighbour {
+        module: ModuleId(1),
+        spot: SpotId(3),
+    };
+    let mut apart = row_with_a_block(false, &[1, 2]);
+    assert_eq!(of_order(&apart), [too_early]);
+    // Without that claim, nobody knows of which modules the block is.
+    apart.claims.remove(0);
+    assert_eq!(of_order(&apart), []);
 }
